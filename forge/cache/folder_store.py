@@ -194,12 +194,12 @@ def _set_rights(path: Path, rights: int) -> None:
 
 
 def sha256_of(descriptor: int) -> str:
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     offset = 0
     while chunk := os.pread(descriptor, _CHUNK, offset):
-        found.update(chunk)
+        digest.update(chunk)
         offset += len(chunk)
-    return found.hexdigest()
+    return digest.hexdigest()
 
 
 def copy_bytes(source: int, target: int, size: int) -> None:

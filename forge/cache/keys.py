@@ -68,11 +68,11 @@ def shared_inputs(tools: Pairs, table: FileTable) -> tuple[str, ...]:
     data = contents_of(own, table)
     own_digests = [f"{os.path.relpath(path, PACKAGE.parent)} {data[path]}" for path in own]
     programs = {name: os.path.realpath(program_of(identity)) for name, identity in tools}
-    found, release = contents_of(programs.values(), table), os_release()
+    program_digests, release = contents_of(programs.values(), table), os_release()
     forge_digest = hashlib.sha256("\n".join(own_digests).encode(errors="surrogateescape")).hexdigest()
     return (
         f"{__version__} {forge_digest}",
-        *(f"{name} {found[path]}" for name, path in sorted(programs.items())),
+        *(f"{name} {program_digests[path]}" for name, path in sorted(programs.items())),
         # Results are not shared between different systems.
         *(platform.system(), platform.machine(), *platform.libc_ver()),
         *(release.get("ID", ""), release.get("VERSION_ID", "")),
@@ -122,8 +122,8 @@ def encode_lists(lists: Iterable[tuple[str, ...]]) -> bytes:
 def decode_lists(data: bytes) -> tuple[tuple[str, ...], ...]:
     """Decode the result of `encode_lists`; return nothing for other data."""
     try:
-        found: Mapping[str, Any] = json.loads(data)
-        lists = found["lists"][:_MAX_LISTS] if found["forge_inputs"] == _VERSION else ()
+        document: Mapping[str, Any] = json.loads(data)
+        lists = document["lists"][:_MAX_LISTS] if document["forge_inputs"] == _VERSION else ()
         return tuple(map(tuple, lists)) if all(isinstance(word, str) for one in lists for word in one) else ()
     except (ValueError, LookupError, TypeError, RecursionError):
         return ()
@@ -137,13 +137,13 @@ def encode_origin(origin: Origin) -> bytes:
 def decode_origin(data: bytes) -> Origin:
     """Decode the result of `encode_origin`; raises ValueError for other data."""
     try:
-        found = Origin(**json.loads(data))
+        origin = Origin(**json.loads(data))
     except (TypeError, RecursionError) as error:
         raise ValueError("invalid origin of a result") from error
-    texts = {type(text) for text in (found.root, found.different, found.scripts)}
-    if type(found.shown) is not bool or texts != {str}:
+    texts = {type(text) for text in (origin.root, origin.different, origin.scripts)}
+    if type(origin.shown) is not bool or texts != {str}:
         raise ValueError("invalid origin of a result")
-    return found
+    return origin
 
 
 def _key(*data: object) -> str:
@@ -170,14 +170,14 @@ class ExternalInputs:
 
     def look(self, words: Iterable[str]) -> dict[str, tuple[str, str]]:
         """Return path and content of files by relocatable path, for keys as well as records."""
-        known = self._known if self._caching else {}
-        found = {}
+        cache = self._known if self._caching else {}
+        entries = {}
         for word in words:
-            if word not in known:
+            if word not in cache:
                 path = self._relocator.absolutize_input(word)
-                known[word] = path, contents_of((path,), self._table)[path]
-            found[word] = known[word]
-        return found
+                cache[word] = path, contents_of((path,), self._table)[path]
+            entries[word] = cache[word]
+        return entries
 
     def contents(self, words: Iterable[str]) -> dict[str, str]:
         return {word: content for word, (_, content) in self.look(words).items()}
@@ -198,20 +198,20 @@ def scripts_digest(build: Path, source: Path, tree: Tree, relocator: Relocator) 
     if graph.tool != "ninja" or graph.has_dyndeps or seen.configure is None or seen.rest is None:
         return ""
     edges = [(edge, seen.edges[edge.outputs[0]]) for edge in graph.edges if edge.outputs[0] in seen.edges]
-    options = (_MAP.sub("", found) for edge in graph.edges for found in _OPTIONS.findall(edge.text))
+    options = (_MAP.sub("", option) for edge in graph.edges for option in _OPTIONS.findall(edge.text))
     if any(each.blind for each in seen.all) or any(relocator.occur_in(os.fsencode(each)) for each in options):
         return ""
     compiling = [(each.read, frozenset(graph.inputs_of(edge))) for edge, each in edges if edge.compiles]
     others = (each.read for edge, each in edges if not edge.compiles and not edge.links_dynamically)
     scripts = seen.configure.read.union(*others, *(read - code for read, code in compiling))
-    made = seen.rest.written.union(*(each.written for _, each in edges))
-    generated = seen.configure.written | made
+    outputs = seen.rest.written.union(*(each.written for _, each in edges))
+    generated = seen.configure.written | outputs
     compiled = frozenset[str]().union(*(read | code for read, code in compiling))
     copied = {leaf.hash for leaf in tree.leaves}
     lines = []
     for path in sorted(scripts | seen.rest.read | compiled):
         is_generated = path in compiled and path in generated
-        is_script = (path in scripts or path in seen.rest.read) and path not in made
+        is_script = (path in scripts or path in seen.rest.read) and path not in outputs
         word = relocator.relativize_word(path)
         is_foreign = path in compiled and word != path and not path.startswith(f"{source}/")
         if not (is_generated or is_script or is_foreign) or not os.path.isfile(path):  # noqa: PTH113

@@ -43,13 +43,13 @@ class StoreContents:
 
     @property
     def size(self) -> int:
-        return sum(kept.size for kept in (*self.results, *self.blobs.values()))
+        return sum(file.size for file in (*self.results, *self.blobs.values()))
 
 
 def scan_store(store: FolderStore) -> StoreContents:
     """List all files of a store without reading their contents."""
-    results = sorted(_files(store.folder / "ac"), key=lambda kept: -kept.used)
-    return StoreContents(tuple(results), {kept.path.name: kept for kept in _files(store.folder / "cas")})
+    results = sorted(_files(store.folder / "ac"), key=lambda file: -file.used)
+    return StoreContents(tuple(results), {file.path.name: file for file in _files(store.folder / "cas")})
 
 
 def prune(store: FolderStore, size: int, since: float = 0.0) -> tuple[int, int]:
@@ -61,26 +61,26 @@ def prune(store: FolderStore, size: int, since: float = 0.0) -> tuple[int, int]:
     contents = scan_store(store)
     if contents.size <= size and all(result.used >= since for result in contents.results):
         return 0, 0
-    left, kept, referenced = size, set[str](), set[str]()
+    left, kept_blobs, referenced = size, set[str](), set[str]()
     removed = []
     for result in contents.results:
         blobs = set[str]()  # no blobs if the result cannot be read
         with contextlib.suppress(OSError, ValueError):
             blobs = {file.digest.hash for file in decode_result(result.path.read_bytes()).files}
         needed = result.size + sum(
-            contents.blobs[name].size for name in blobs - kept if name in contents.blobs
+            contents.blobs[name].size for name in blobs - kept_blobs if name in contents.blobs
         )
         if needed > left or result.used < since:
             removed.append(result)
             referenced |= blobs
         else:
             left -= needed
-            kept |= blobs
+            kept_blobs |= blobs
     old = time.time() - _YOUNG_SECONDS
     removed += [
         blob
         for name, blob in contents.blobs.items()
-        if name not in kept and (name in referenced or blob.used < old)
+        if name not in kept_blobs and (name in referenced or blob.used < old)
     ]
     for file in removed:
         with contextlib.suppress(FileNotFoundError):

@@ -28,12 +28,12 @@ _MAX_SECONDS = 1e6
 
 def _seconds(text: str) -> float:
     try:
-        found = float(text)
+        seconds = float(text)
     except ValueError:
-        found = 0.0
-    if not 0 < found < float("inf"):
+        seconds = 0.0
+    if not 0 < seconds < float("inf"):
         raise ValueError(f"'{text}' is not a positive number of seconds")
-    return min(found, _MAX_SECONDS)
+    return min(seconds, _MAX_SECONDS)
 
 
 def byte_count(text: str) -> int:

@@ -127,10 +127,10 @@ class PackageCache:
 
     def find(self, task: Task) -> CachedTree | None:
         """Return the cached result of a task, downloaded and verified, or None if it must be built."""
-        found = self._look_up(task)
-        if found is None:
+        cached_tree = self._look_up(task)
+        if cached_tree is None:
             self._external_inputs.stop_caching()
-        return found
+        return cached_tree
 
     def restore(self, task: Task, found: CachedTree) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Write a cached tree into the task's prefix; return the paths of the files and empty folders."""
@@ -171,13 +171,13 @@ class PackageCache:
         is unknown. Packages that were built while it appeared are not cached.
         """
         since = min((pending.began for pending in self._pending), default=0.0)
-        found = (
+        times = (
             unrecorded_files(self._context.layout.install, self._context.records, since)
             if self._pending
             else {}
         )
         for pending in self._pending:
-            near = (path for path, at in found.items() if pending.began - TICK <= at <= pending.ended + TICK)
+            near = (path for path, at in times.items() if pending.began - TICK <= at <= pending.ended + TICK)
             unrecorded = next(near, None)
             if unrecorded is None:
                 self._publish(pending)
@@ -211,11 +211,11 @@ class PackageCache:
         self._keys[task.name] = key = keys.input_key(settings, task, needs)
         if task.name in self._context.forced:
             return None
-        found = self._find_in(key, None)
-        if found is None and self._remote is not None:
-            found = self._find_in(key, self._remote)
-        self.notes[task.name] = RESTORED if found else ""
-        reason = "" if found else "not in the cache"
+        cached_tree = self._find_in(key, None)
+        if cached_tree is None and self._remote is not None:
+            cached_tree = self._find_in(key, self._remote)
+        self.notes[task.name] = RESTORED if cached_tree else ""
+        reason = "" if cached_tree else "not in the cache"
         if reason and (origin := self._elsewhere.get(key)):
             reason += f" for this path: only built in '{origin.root}' so far"
             if origin.different:
@@ -223,11 +223,11 @@ class PackageCache:
         elif reason and self._lists.get(key):
             reason += ": a file outside the workspace differs"
         self._miss_reasons[task.name] = reason
-        (self.restored if found else self.missed).add(task.name)
-        if found:
+        (self.restored if cached_tree else self.missed).add(task.name)
+        if cached_tree:
             # Another machine may have built it since the miss.
             self.missed.discard(task.name)
-        return found
+        return cached_tree
 
     def _dependencies(self, task: Task) -> tuple[tuple[str, str], ...]:
         """Return the direct dependencies of a task with the keys of their installed files.
@@ -271,8 +271,8 @@ class PackageCache:
         # Scripts for a path without blanks may lack quotes that another path needs.
         roots = ("", relocator.root) if relocator.is_plain else (relocator.root,)
         try:
-            known = store.result(first)
-            lists = keys.decode_lists(known.stdout) if known else ()
+            index = store.result(first)
+            lists = keys.decode_lists(index.stdout) if index else ()
             self._lists[first] = tuple(dict.fromkeys((*self._lists.get(first, ()), *lists)))
             for words in lists:
                 seen = self._external_inputs.look(words)
@@ -286,10 +286,10 @@ class PackageCache:
                     if not (root or origin.shown or origin.root == relocator.root):
                         self._elsewhere[first] = origin
                         continue
-                    if found := self._fetch_result(remote, result, seen):
+                    if cached_tree := self._fetch_result(remote, result, seen):
                         if remote:
                             self._store(first, second, words, result, upload=False)
-                        return found
+                        return cached_tree
         except (StoreError, OSError, ValueError) as fault:
             self._warn_once(fault)
         return None
@@ -379,7 +379,7 @@ class PackageCache:
             self._store(first, second, words, replace(before, stdout=doubted))
             for each in {origin.scripts, scripts} - {""}:
                 self._put_result(each, ActionResult(stdout=doubted))
-        elif is_here and not origin.different and (known := self._known_scripts(scripts)) and known.shown:
+        elif is_here and not origin.different and (proof := self._known_scripts(scripts)) and proof.shown:
             here = replace(here, shown=True)
             note = "cached for any path: the same build scripts did not depend on it"
         elif is_here:

@@ -126,16 +126,16 @@ def scan_tree(
     prefix = str(layout.prefix(package))
     names = [_name(prefix, path) for path in record.files]
     leaves, offset, owner = [], 0, os.stat(prefix).st_uid
-    whole = hashlib.sha256()
+    pack_digest = hashlib.sha256()
     for name in sorted(names):
         leaf, content = _leaf(f"{prefix}/{name}", name, relocator, offset, owner)
         leaves.append(leaf)
         if content:
-            whole.update(content)
+            pack_digest.update(content)
             pack(content)
             offset += len(content)
     folders = _folders(prefix, names, [_name(prefix, path.rstrip("/")) for path in record.folders])
-    return Tree(tuple(leaves), folders, 0.0, Digest(whole.hexdigest(), offset))
+    return Tree(tuple(leaves), folders, 0.0, Digest(pack_digest.hexdigest(), offset))
 
 
 def unrecorded_files(install: Path, records: Mapping[str, BuildRecord], since: float) -> dict[str, float]:
@@ -144,14 +144,14 @@ def unrecorded_files(install: Path, records: Mapping[str, BuildRecord], since: f
     Workspace-level files of forge and Python bytecode are excluded.
     """
     listed = {path for record in records.values() for path in record.files}
-    found = {}
+    times = {}
     for folder, folders, files in os.walk(install):
         folders[:] = (name for name in folders if name not in {BYTECODE, BACKUP_DIR, INSTALLED_LISTS_DIR})
         for name in files if folder != str(install) else ():
             path = f"{folder}/{name}"
             if path not in listed and (changed := os.lstat(path).st_ctime) >= since - TICK:
-                found[path[len(str(install)) + 1 :]] = changed
-    return found
+                times[path[len(str(install)) + 1 :]] = changed
+    return times
 
 
 def encode_index(tree: Tree) -> bytes:
@@ -197,14 +197,14 @@ def _name(prefix: str, path: str) -> str:
 
 def _folders(prefix: str, names: Iterable[str], empty: Iterable[str]) -> tuple[tuple[str, int], ...]:
     """Return the empty folders, and parents of files whose permissions differ from those of the prefix."""
-    found = dict.fromkeys(empty, 0)
+    modes = dict.fromkeys(empty, 0)
     usual = stat.S_IMODE(os.stat(prefix).st_mode)
-    for path in {*found, *(parent for name in (*names, *found) for parent in _parents(name))}:
+    for path in {*modes, *(parent for name in (*names, *modes) for parent in _parents(name))}:
         status = os.lstat(f"{prefix}/{path}")
         mode = stat.S_IMODE(status.st_mode)
         if stat.S_ISDIR(status.st_mode) and mode != usual and not mode & _SPECIAL:
-            found[path] = mode
-    return tuple(sorted(found.items()))
+            modes[path] = mode
+    return tuple(sorted(modes.items()))
 
 
 def _leaf(path: str, name: str, relocator: Relocator, offset: int, owner: int) -> tuple[Leaf, bytes | None]:
@@ -217,18 +217,18 @@ def _leaf(path: str, name: str, relocator: Relocator, offset: int, owner: int) -
         raise Uncacheable(f"'{name}' is not a regular file")
     if capabilities(path) or status.st_uid != owner:
         raise Uncacheable(f"'{name}' has capabilities or belongs to another user")
-    kept, rewritten = _content(path, status, relocator)
+    content, rewritten = _content(path, status, relocator)
     leaf = Leaf(
         name,
         stat.S_IMODE(status.st_mode),
-        len(kept),
-        hashlib.sha256(kept).hexdigest(),
+        len(content),
+        hashlib.sha256(content).hexdigest(),
         # Large files are copied verbatim; files with placeholders go into the pack.
-        offset if rewritten or len(kept) < LARGE else -1,
+        offset if rewritten or len(content) < LARGE else -1,
         rewritten,
-        linked=linked_parts(kept),
+        linked=linked_parts(content),
     )
-    return leaf, bytes(kept) if leaf.offset >= 0 else None
+    return leaf, bytes(content) if leaf.offset >= 0 else None
 
 
 def _content(path: str, status: os.stat_result, relocator: Relocator) -> tuple[bytes | mmap, bool]:
@@ -236,10 +236,10 @@ def _content(path: str, status: os.stat_result, relocator: Relocator) -> tuple[b
     with open(path, "rb") as stream:
         if status.st_size >= LARGE:
             # Do not read it into memory, since it may be very large.
-            whole = mmap(stream.fileno(), 0, access=ACCESS_READ)
-            if whole.find(b"\0") >= 0 or not relocator.occur_in(whole):
-                return whole, False
-            content = whole[:]
+            mapping = mmap(stream.fileno(), 0, access=ACCESS_READ)
+            if mapping.find(b"\0") >= 0 or not relocator.occur_in(mapping):
+                return mapping, False
+            content = mapping[:]
         else:
             content = stream.read()
     relative = relocator.relativize(content)
