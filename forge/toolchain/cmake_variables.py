@@ -46,16 +46,16 @@ def suspicious_arguments(words: Sequence[str]) -> Iterator[Problem]:
     """Yield arguments that CMake treats as a path, or as one definition, but that look like definitions."""
     for argument in cmake_arguments(words):
         word = argument.words[0]
-        whole = " ".join(argument.words)
-        within = _DEFINED_WITHIN.findall(whole)
+        text = " ".join(argument.words)
+        within = _DEFINED_WITHIN.findall(text)
         # In -DCMAKE_CXX_FLAGS="-DA=1 -DB=2", the latter are macros; CMake's own variables are not.
         is_flags = argument.definition and _HOLDS_FLAGS.fullmatch(argument.definition[0])
         if within and not (is_flags and not any(map(_is_of_cmake, within))):
             message = (
-                f"--cmake-args contains '{whole}' as one argument, so that CMake does not see '{within[0]}'"
+                f"--cmake-args contains '{text}' as one argument, so that CMake does not see '{within[0]}'"
             )
             yield Problem(
-                message, hint=f"remove the quotes around it, or in a file, write a list: {whole.split()}"
+                message, hint=f"remove the quotes around it, or in a file, write a list: {text.split()}"
             )
         elif _WITHOUT_D.match(word):
             name = re.split("[:=]", word[1:])[0]
@@ -88,8 +88,8 @@ def probable_variable(name: str) -> str | None:
 
 def unused_variables(output: bytes) -> frozenset[str]:
     """Return the variables that CMake warns about in the output of one configure run."""
-    found = (match[1].decode(errors="replace").split() for match in _UNUSED.finditer(output))
-    return frozenset(name for names in found for name in names)
+    name_lists = (match[1].decode(errors="replace").split() for match in _UNUSED.finditer(output))
+    return frozenset(name for names in name_lists for name in names)
 
 
 def builds_tests(package: Package, cmake_args: Sequence[str], ament_cmake_args: Sequence[str]) -> bool | None:

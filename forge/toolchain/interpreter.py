@@ -109,12 +109,12 @@ def find_interpreter(
     old, or of another version than an underlay.
     """
     if python:
-        found = shutil.which(python, path=variables.get("PATH"))
-        if found is None:
+        path = shutil.which(python, path=variables.get("PATH"))
+        if path is None:
             hint = "pass an existing program to '--python'"
             raise HostError(Problem(f"python '{python}' not found", hint=hint))
         # Links are not resolved, because they identify virtual environments.
-        choice = Path(found).absolute(), OPTION
+        choice = Path(path).absolute(), OPTION
     elif recorded and not _is_of_tool(Path(recorded)):
         choice = Path(recorded), LAST_BUILD
     else:
@@ -231,12 +231,12 @@ def _of_version(root: Path, variables: Mapping[str, str]) -> Path | None:
         if usual.version in versions:
             return usual.path
     name = "python{}.{}".format(*max(versions))
-    found = _which(name, variables)
-    if found is None:
+    program = _which(name, variables)
+    if program is None:
         message = f"the underlay '{root}' is for {_listed(versions)}, but '{name}' is not on PATH"
         hint = "install it, or pass the path of such an interpreter to '--python'"
         raise HostError(Problem(message, hint=hint))
-    return found
+    return program
 
 
 def _on_path(variables: Mapping[str, str]) -> _Choice:
@@ -252,8 +252,8 @@ def _which(program: str, variables: Mapping[str, str]) -> Path | None:
     tool = _own_tool()
     folders = filter(None, variables.get("PATH", os.defpath).split(os.pathsep))
     others = [folder for folder in folders if tool is None or Path(folder).parent.resolve() != tool]
-    found = shutil.which(program, path=os.pathsep.join(others))
-    return Path(found).absolute() if found else None
+    path = shutil.which(program, path=os.pathsep.join(others))
+    return Path(path).absolute() if path else None
 
 
 def _is_of_tool(python: Path) -> bool:

@@ -144,10 +144,10 @@ def find_ctest(variables: Mapping[str, str]) -> Path:
         return Path(named)
     cmake = find_cmake(variables)
     beside = cmake.with_name("ctest") if cmake else None
-    found = beside if beside and beside.is_file() else find_program("ctest", variables)
-    if found is None:
+    ctest = beside if beside and beside.is_file() else find_program("ctest", variables)
+    if ctest is None:
         raise HostError(Problem("ctest, which is part of CMake, not found", hint=_cmake_hint()))
-    return found
+    return ctest
 
 
 def identities(
@@ -161,7 +161,7 @@ def identities(
     `more` are the programs of a toolchain. Programs that no selected package needs also count: otherwise, the
     inputs of a package would depend on the selection.
     """
-    found = {"python": _identity(python), **{str(program): _identity(program) for program in more}}
+    by_name = {"python": _identity(python), **{str(program): _identity(program) for program in more}}
     lookup = ProgramLookup(variables)
     for name, program in (
         ("cmake", tools.cmake if tools else find_cmake(variables)),
@@ -169,12 +169,12 @@ def identities(
         ("make", tools.make if tools else find_program("make", variables)),
     ):
         if program:
-            found[name] = _identity(program)
+            by_name[name] = _identity(program)
     for name, variable in _COMPILING.items():
         for word in (variables.get(variable) or name).split()[:1]:
             if identity := lookup.identity(word):
-                found[name] = identity
-    return tuple(sorted(found.items()))
+                by_name[name] = identity
+    return tuple(sorted(by_name.items()))
 
 
 def condensed(tools: Pairs) -> Pairs:
@@ -213,8 +213,8 @@ def _identity(program: Path) -> str:
 def find_program(program: str, variables: Mapping[str, str]) -> Path | None:
     """Return a program from PATH, else from the folder of the interpreter that runs forge."""
     here = str(Path(sys.executable).parent)
-    found = _which(program, os.pathsep.join([variables.get("PATH", os.defpath), here]))
-    return Path(found) if found else None
+    path = _which(program, os.pathsep.join([variables.get("PATH", os.defpath), here]))
+    return Path(path) if path else None
 
 
 def _which(program: str, path: str) -> str | None:
@@ -247,14 +247,14 @@ def find_cmake(variables: Mapping[str, str]) -> Path | None:
     named = variables.get("CMAKE_COMMAND")
     if named:
         return Path(named)
-    found = find_program("cmake", variables)
-    if found is None or found.parent == Path(sys.executable).parent:
+    cmake = find_program("cmake", variables)
+    if cmake is None or cmake.parent == Path(sys.executable).parent:
         wheel = importlib.util.find_spec("cmake")
         for folder in (wheel and wheel.submodule_search_locations) or ():
             program = Path(folder) / "data" / "bin" / "cmake"
             if program.is_file():
                 return program
-    return found
+    return cmake
 
 
 def calls_make(text: str) -> bool:

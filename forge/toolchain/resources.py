@@ -65,10 +65,10 @@ def memory_limit(text: str) -> MemoryLimit:
     """Parse '80%', '12G' or 'none'; raises ValueError for anything else."""
     if text == "none":
         return MemoryLimit()
-    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*(%|[KMGT]?)(?:i?B)?", text, re.IGNORECASE)
-    if not found or not float(found[1]):
+    match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*(%|[KMGT]?)(?:i?B)?", text, re.IGNORECASE)
+    if not match or not float(match[1]):
         raise ValueError(text)
-    number, unit = float(found[1]), found[2].upper()
+    number, unit = float(match[1]), match[2].upper()
     return MemoryLimit(share=number / 100) if unit == "%" else MemoryLimit(size=int(number * _UNITS[unit]))
 
 
@@ -91,14 +91,14 @@ def memory(root: Path = ROOT) -> Memory | None:
     fields = dict(re.findall(r"^(\w+):\s+(\d+) kB", text_or_nothing(root / "proc/meminfo"), re.MULTILINE))
     if "MemTotal" not in fields or "MemAvailable" not in fields:
         return None
-    found = Memory(int(fields["MemTotal"]) << 10, int(fields["MemAvailable"]) << 10)
+    minimum = Memory(int(fields["MemTotal"]) << 10, int(fields["MemAvailable"]) << 10)
     for folder in _folders("memory", root):
         limit = _first_number(folder, "memory.max", "memory.limit_in_bytes")
         used = _first_number(folder, "memory.current", "memory.usage_in_bytes")
-        if 0 < limit < found.total and used >= 0:
+        if 0 < limit < minimum.total and used >= 0:
             left = max(0, limit - used + _reclaimable(folder))
-            found = Memory(limit, min(found.available, left))
-    return found
+            minimum = Memory(limit, min(minimum.available, left))
+    return minimum
 
 
 def load(root: Path = ROOT) -> float:
@@ -154,8 +154,8 @@ def _folders(controller: str, root: Path) -> Iterator[Path]:
 
 def _reclaimable(folder: Path) -> int:
     """Return the bytes of a cgroup that can be reclaimed: page cache and kernel caches."""
-    found = re.findall(r"^(\w+) (\d+)$", text_or_nothing(folder / "memory.stat"), re.MULTILINE)
-    values: dict[str, str] = dict(found)
+    pairs = re.findall(r"^(\w+) (\d+)$", text_or_nothing(folder / "memory.stat"), re.MULTILINE)
+    values: dict[str, str] = dict(pairs)
     # In version 1, only the names with the prefix total_ include child groups.
     names = ("inactive_file", "active_file", "slab_reclaimable")
     return sum(int(values.get(f"total_{name}", values.get(name, "0"))) for name in names)
