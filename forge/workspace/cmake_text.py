@@ -131,18 +131,18 @@ def project_name(text: str) -> str | None:
 
 def cmake_dependencies(texts: Iterable[str]) -> frozenset[str]:
     """Return the literal names passed to find_package and pkg-config."""
-    found: set[str] = set()
+    names: set[str] = set()
     for text in texts:
         if not ("ind_package" in text or "pkg_" in text or "IND_PACKAGE" in text):
             continue  # parsing large files completely takes time
         for call in calls(text):
             # Includes wrappers such as catkin_find_package.
             if call.command.endswith("find_package"):
-                found.update(filter(_LITERAL.fullmatch, call.words[:1]))
+                names.update(filter(_LITERAL.fullmatch, call.words[:1]))
             elif call.command in _PKG_CONFIG:
                 modules = (word for word in call.words[1:] if word not in _PKG_CONFIG_FLAGS)
-                found.update(re.split("[<>=]", module, maxsplit=1)[0] for module in modules)
-    return frozenset(filter(None, found))
+                names.update(re.split("[<>=]", module, maxsplit=1)[0] for module in modules)
+    return frozenset(filter(None, names))
 
 
 def targets(text: str) -> tuple[str, ...]:
@@ -202,8 +202,8 @@ def announced_downloads(packages: Iterable[Package]) -> Problem | None:
                 if call.command in _DOWNLOADING or (
                     call.command == "file" and call.words[:1] == ("DOWNLOAD",)
                 ):
-                    found = (word for word in call.words if _REMOTE.fullmatch(word))
-                    urls.update(((package.name, url), None) for url in found)
+                    addresses = (word for word in call.words if _REMOTE.fullmatch(word))
+                    urls.update(((package.name, url), None) for url in addresses)
     if not urls:
         return None
     shown = ", ".join(f"{url} ('{name}')" for name, url in list(urls)[:_URLS_SHOWN])

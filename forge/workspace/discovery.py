@@ -68,14 +68,14 @@ def discover_embedded(rosdistro: str = OLDEST) -> Mapping[str, Package]:
         path for path in folders if not (path / SINCE).is_dir() or embedded_definitions(path, rosdistro)
     ]
     packages = (read_package(folder, folder, {**ROS_DEFAULTS, VARIABLE: rosdistro}) for folder in folders)
-    found = {}
+    by_name = {}
     for package in packages:
         # A package may have services only in newer distributions.
         has_services = package.has_services or any(
             (folder / "srv").is_dir() for folder in definition_folders(package.path, rosdistro)
         )
-        found[package.name] = replace(package, embedded=True, has_services=has_services)
-    return found
+        by_name[package.name] = replace(package, embedded=True, has_services=has_services)
+    return by_name
 
 
 def special_files(root: Path, folder: Path) -> Iterator[Problem]:
@@ -88,8 +88,8 @@ def special_files(root: Path, folder: Path) -> Iterator[Problem]:
     while waiting:
         at = waiting.pop()
         try:
-            with os.scandir(at) as found:
-                entries = sorted(found, key=lambda entry: entry.name)
+            with os.scandir(at) as iterator:
+                entries = sorted(iterator, key=lambda entry: entry.name)
         except OSError:
             continue  # this is reported when the sources are scanned
         names = {entry.name for entry in entries}
@@ -146,22 +146,22 @@ class _Walk:
             self.notes.append(Problem(message, place, hint))
 
     def workspace(self) -> Workspace:
-        found = _with_all_dependencies([*self.packages.values(), *self.duplicates])
+        all_packages = _with_all_dependencies([*self.packages.values(), *self.duplicates])
         count = len(self.packages)
-        packages = {package.name: package for package in found[:count]}
-        for same in projects(found[:count]).values():
+        packages = {package.name: package for package in all_packages[:count]}
+        for same in projects(all_packages[:count]).values():
             plain = [package for package in same if not package.ros]
             for other in plain[1:]:
                 message = f"'{plain[0].name}' and '{other.name}' are the same Python project (PEP 503)"
                 hint = f"rename one of them; the other is in '{plain[0].path}'"
                 self.notes.append(Problem(message, Location(other.path), hint))
-        notes = (*self.notes, *(warning for package in found for warning in package.manifest.warnings))
+        notes = (*self.notes, *(warning for package in all_packages for warning in package.manifest.warnings))
         broken = []
         for each in self.broken:
             folder = (self.root / each.path).resolve().name
             guessed_name = str(each.path) if folder in self.packages else folder
             broken.append(replace(each, name=each.name or guessed_name))
-        return Workspace(self.root, packages, tuple(broken), tuple(found[count:]), notes)
+        return Workspace(self.root, packages, tuple(broken), tuple(all_packages[count:]), notes)
 
 
 def _expanded(root: Path, paths: Iterable[str]) -> Iterable[str]:
@@ -169,18 +169,18 @@ def _expanded(root: Path, paths: Iterable[str]) -> Iterable[str]:
         if "*" not in path:
             yield path
             continue
-        for found in sorted(glob.glob(path, root_dir=root)):
-            if os.path.isdir(os.path.join(root, found)):
-                yield found
+        for match in sorted(glob.glob(path, root_dir=root)):
+            if os.path.isdir(os.path.join(root, match)):
+                yield match
 
 
 def projects(packages: Iterable[Package]) -> dict[str, list[Package]]:
     """Return the Python packages by the names that PEP 503 compares."""
-    found: dict[str, list[Package]] = {}
+    by_name: dict[str, list[Package]] = {}
     for package in packages:
         if package.build_type in _PYTHON_TYPES:
-            found.setdefault(project_name(package.name), []).append(package)
-    return found
+            by_name.setdefault(project_name(package.name), []).append(package)
+    return by_name
 
 
 def _with_all_dependencies(packages: Sequence[Package]) -> list[Package]:
@@ -188,22 +188,22 @@ def _with_all_dependencies(packages: Sequence[Package]) -> list[Package]:
 
     Names of Python projects are spelled as in the workspace; names between two ROS packages are literal.
     """
-    known, names = projects(packages), {package.name for package in packages}
+    python_projects, names = projects(packages), {package.name for package in packages}
     members: dict[str, list[str]] = {}
     for package in packages:
         for group in package.manifest.groups:
             members.setdefault(group, []).append(package.name)
-    found = []
+    expanded = []
     for package in packages:
         manifest = package.manifest
         needs: list[Dependency] = []
         for need in manifest.dependencies:
-            same = () if need.name in names else known.get(project_name(need.name), ())
+            same = () if need.name in names else python_projects.get(project_name(need.name), ())
             spelled = dict.fromkeys(other.name for other in same if not (package.ros and other.ros))
             needs += (replace(need, name=name) for name in spelled) if spelled else (need,)
         wanted = {member for group in manifest.group_dependencies for member in members.get(group, ())}
         needs += (Dependency(member, _GROUP_KINDS) for member in sorted(wanted - {package.name}))
         if tuple(needs) != manifest.dependencies:
             package = replace(package, manifest=replace(manifest, dependencies=tuple(needs)))
-        found.append(package)
-    return found
+        expanded.append(package)
+    return expanded

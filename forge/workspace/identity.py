@@ -74,13 +74,13 @@ def plugin(name: str) -> Any:
 
 def identify_with(name: str, folder: Folder) -> Identity | None:
     """Return the package that the build type `name` finds in a folder, None if there is none."""
-    found = plugin(name)
-    if found is None:
+    module = plugin(name)
+    if module is None:
         return None
     if name in OWN[BUILD_TYPES]:
-        identity: Identity | None = found.identify(folder)
+        identity: Identity | None = module.identify(folder)
         return identity
-    identity = call(f"the build type '{name}'", found.identify, folder)
+    identity = call(f"the build type '{name}'", module.identify, folder)
     if not isinstance(identity, Identity | None):
         message = f"the build type '{name}' returned {type(identity).__name__} instead of an Identity"
         raise WorkspaceError(Problem(message, Location(folder.display_path)))

@@ -68,15 +68,15 @@ def load_workspace(
     decides. Raises WorkspaceError for a cycle and, except in a listing, for selected packages with the same
     name; SelectionError for names that cannot be selected.
     """
-    found = find_packages(root, query.search, variables)
-    every = found.packages.keys() | {broken.name for broken in found.broken}
-    query = _with_literal_names(query, found, every)
+    discovered = find_packages(root, query.search, variables)
+    every = discovered.packages.keys() | {broken.name for broken in discovered.broken}
+    query = _with_literal_names(query, discovered, every)
     hidden = ignored(query, every)
     workspace = replace(
-        found,
-        packages=_drop(found.packages, hidden),
-        duplicates=tuple(other for other in found.duplicates if other.name not in hidden),
-        broken=tuple(other for other in found.broken if other.name not in hidden),
+        discovered,
+        packages=_drop(discovered.packages, hidden),
+        duplicates=tuple(other for other in discovered.duplicates if other.name not in hidden),
+        broken=tuple(other for other in discovered.broken if other.name not in hidden),
     )
     # Placeholders represent broken packages, so that options and dependencies can name them.
     broken = {
@@ -195,12 +195,12 @@ def _drop(nodes: Mapping[str, Node], names: Collection[str]) -> dict[str, Node]:
 def find_packages(root: Path, search: SearchPaths, variables: Mapping[str, str]) -> Workspace:
     """Return all packages below the search paths; raises WorkspaceError for invalid package options."""
     overrides = read_overrides(root, search.metas, None if search.ignore_user_meta else home(variables))
-    found = discover(root, search.base_paths, variables, paths=search.paths, overrides=overrides)
-    if found.packages:
-        return found
+    workspace = discover(root, search.base_paths, variables, paths=search.paths, overrides=overrides)
+    if workspace.packages:
+        return workspace
     missing = (base for base in search.base_paths if "*" not in base and not (root / base).exists())
     notes = (Problem(f"--base-paths: '{base}' does not exist") for base in missing)
-    return replace(found, notes=(*found.notes, *notes))
+    return replace(workspace, notes=(*workspace.notes, *notes))
 
 
 def resolve_workspace(
@@ -267,15 +267,17 @@ def clashes(workspace: Workspace, names: Collection[str]) -> Iterator[Problem]:
         if other.name in names:
             paths.setdefault(other.name, [workspace.packages[other.name].path]).append(other.path)
     # The path outside 'src', or the deeper one, is probably the copy.
-    kept = {
-        name: min(found, key=lambda path: (path.parts[:1] != ("src",), len(path.parts), path))
-        for name, found in paths.items()
+    originals = {
+        name: min(candidates, key=lambda path: (path.parts[:1] != ("src",), len(path.parts), path))
+        for name, candidates in paths.items()
     }
-    copies = [(name, path) for name, found in paths.items() for path in found if path != kept[name]]
+    copies = [
+        (name, path) for name, candidates in paths.items() for path in candidates if path != originals[name]
+    ]
     groups: dict[tuple[Path, Path], list[tuple[str, Path]]] = {}
     for name, path in copies:
         # Copies of folders with the same contents form one group.
-        first, second = kept[name], path
+        first, second = originals[name], path
         while first.parts and second.parts and first.name == second.name:
             first, second = first.parent, second.parent
         groups.setdefault((first, second), []).append((name, path))
@@ -288,8 +290,8 @@ def clashes(workspace: Workspace, names: Collection[str]) -> Iterator[Problem]:
     others = {path for _, path in copies}
     every = (*workspace.packages.values(), *workspace.duplicates)
     manifests = {package.path: package.manifest.path for package in every}
-    for (top, copy), found in groups.items():
-        name, path = found[0]
+    for (top, copy), members in groups.items():
+        name, path = members[0]
         near = f"'{path}/{IGNORE_MARK}'"
         only_copies = all(path in others for path in manifests if path.is_relative_to(copy))
         if only_copies and copy != Path():
@@ -297,10 +299,10 @@ def clashes(workspace: Workspace, names: Collection[str]) -> Iterator[Problem]:
         worktree = (workspace.root / copy / ".git").is_file()
         why = f"'{copy}' is another checkout of a repository: " if worktree else ""
         hint = f"{why}rename one, or ignore one by creating an empty file {near}"
-        if len(found) == 1:
-            message = f"two packages are named '{name}': '{kept[name]}' and '{path}'"
+        if len(members) == 1:
+            message = f"two packages are named '{name}': '{originals[name]}' and '{path}'"
             yield Problem(message, Location(manifests[path]), hint)
         else:
-            quoted = listed([name for name, _ in found], _FEW)
-            message = f"{len(found)} packages are in '{top}' and again in '{copy}': {quoted}"
+            quoted = listed([name for name, _ in members], _FEW)
+            message = f"{len(members)} packages are in '{top}' and again in '{copy}': {quoted}"
             yield Problem(message, Location(copy), hint)

@@ -291,8 +291,10 @@ class _Reader:
 
 def _identity(child: Element) -> tuple[str, tuple[tuple[str, str], ...]]:
     """Return the properties that identify a dependency element: name, version attributes, condition."""
-    known = {name: value for name, value in child.attributes.items() if ":" not in name and name != "xmlns"}
-    return child.text.strip(), tuple(sorted(known.items()))
+    attributes = {
+        name: value for name, value in child.attributes.items() if ":" not in name and name != "xmlns"
+    }
+    return child.text.strip(), tuple(sorted(attributes.items()))
 
 
 _TOKEN = re.compile(r"""\s*(?:(\()|(\))|(==|!=|<=|>=|<|>)|(\$?[\w-]+)|"([^"]*)"|'([^']*)')""", re.ASCII)
@@ -360,8 +362,8 @@ def holds(condition: str, variables: Mapping[str, str]) -> bool:
         raise ConditionError("expected a $VARIABLE, a word or a quoted string", column)
 
     def take(kind: str, description: str) -> str:
-        found, text, column = tokens.pop()
-        if found != kind:
+        token_kind, text, column = tokens.pop()
+        if token_kind != kind:
             raise ConditionError(f"expected {description}", column)
         return text
 
@@ -372,7 +374,7 @@ def holds(condition: str, variables: Mapping[str, str]) -> bool:
 
 def _tokens(text: str) -> list[tuple[str, str, int]]:
     """Return (kind, text, column) of each token, with a final 'end'."""
-    found: list[tuple[str, str, int]] = []
+    tokens: list[tuple[str, str, int]] = []
     at = 0
     end = len(text.rstrip())
     while at < end:
@@ -383,7 +385,7 @@ def _tokens(text: str) -> list[tuple[str, str, int]]:
         column = match.start(match.lastindex or 0) + 1
         kind = ("(", ")", "comparison", "word", "quoted", "quoted")[(match.lastindex or 1) - 1]
         value = match.group(match.lastindex or 0)
-        found.append((kind, value, column))
+        tokens.append((kind, value, column))
         at = match.end()
-    found.append(("end", "", len(text) + 1))
-    return found
+    tokens.append(("end", "", len(text) + 1))
+    return tokens

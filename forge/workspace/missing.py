@@ -47,7 +47,7 @@ def missing_dependencies(
         verb = "needs" if len(users) == 1 else "need"
         return Problem(f"{quoted_names(users)} {verb} {quoted_names(names)}, {what}", location, hint)
 
-    found: dict[str, list[str]] = {}
+    dependents: dict[str, list[str]] = {}
     for name in names:
         unresolved = [other for other in resolution.missing.get(name, ()) if other not in skip_keys]
         if not unresolved:
@@ -62,13 +62,13 @@ def missing_dependencies(
             if dependency in built_with or (
                 dependency in used and (resolve.is_ros_name(dependency) or is_misspelt(dependency))
             ):
-                found.setdefault(dependency, []).append(name)
+                dependents.setdefault(dependency, []).append(name)
     # One problem for all dependencies that the same packages lack for the same reason.
-    known = tuple(resolution.known()) if found else ()
+    known_names = tuple(resolution.known()) if dependents else ()
     problems: list[Problem] = []
     groups: dict[tuple[tuple[str, ...], str, str | None, str | None], list[str]] = {}
     ignored: dict[tuple[str, ...], list[str]] = {}
-    for dependency, unsorted in sorted(found.items()):
+    for dependency, unsorted in sorted(dependents.items()):
         users = tuple(sorted(unsorted))
         if dependency in resolution.ignored:
             ignored.setdefault(users, []).append(dependency)
@@ -77,7 +77,7 @@ def missing_dependencies(
             problems.append(problem([dependency], users, what, hint))
         else:
             reason = resolution.withheld.get(dependency, "")
-            near, place = resolve.similar_package(dependency, known), place_of(dependency)
+            near, place = resolve.similar_package(dependency, known_names), place_of(dependency)
             groups.setdefault((users, reason, near, place), []).append(dependency)
     for (users, reason, near, place), names in groups.items():
         one = len(names) == 1
@@ -111,9 +111,9 @@ def whereabouts(root: Path, layout: Layout, name: str) -> str | None:
         return any(os.path.isdir(prefix / "share" / name) for prefix in (install / name, install))  # noqa: PTH112
 
     if holds(layout.install):
-        if found := discover(root, (os.curdir,), os.environ).packages.get(name):
+        if package := discover(root, (os.curdir,), os.environ).packages.get(name):
             return (
-                f"'{name}' is in '{found.path}', but left out by '--paths', '--base-paths' or "
+                f"'{name}' is in '{package.path}', but left out by '--paths', '--base-paths' or "
                 "'--packages-ignore': '--packages-up-to' selects one package and what it needs"
             )
         return (
@@ -139,7 +139,7 @@ def submodule_remedy(paths: list[Path]) -> str:
 
 def unchecked_submodules(root: Path) -> list[Path]:
     """Return the submodules of the repositories in a workspace whose folders are empty, relative to it."""
-    found = []
+    submodules = []
     patterns = (".gitmodules", "*/.gitmodules", "*/*/.gitmodules")
     for file in (file for pattern in patterns for file in sorted(root.glob(pattern))):
         for path in _SUBMODULE.findall(text_or_nothing(file)):
@@ -148,5 +148,5 @@ def unchecked_submodules(root: Path) -> list[Path]:
                 if any(folder.iterdir()):
                     continue
             if folder != file.parent and folder.is_relative_to(root):
-                found.append(folder.relative_to(root))
-    return found
+                submodules.append(folder.relative_to(root))
+    return submodules

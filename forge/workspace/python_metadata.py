@@ -123,8 +123,8 @@ def read_pyproject(table: Mapping[str, Any]) -> PythonMetadata | None:
 
 
 def _below(table: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    found = table.get(key)
-    return found if isinstance(found, dict) else {}
+    value = table.get(key)
+    return value if isinstance(value, dict) else {}
 
 
 def _facts(values: Mapping[str, Any]) -> PythonMetadata:
@@ -172,8 +172,8 @@ def _versions(specifier: str) -> Iterator[tuple[str, str]]:
     for symbol, version in _ASKED.findall(specifier):
         if symbol == "~=":
             yield "gte", version
-            *kept, last, _ = map(int, version.split("."))
-            yield "lt", ".".join(map(str, (*kept, last + 1)))
+            *leading, last, _ = map(int, version.split("."))
+            yield "lt", ".".join(map(str, (*leading, last + 1)))
         else:
             yield _SYMBOLS[symbol], version
 

@@ -138,20 +138,20 @@ def resolve_dependencies(
         if name in untested:
             only_tested = packages[name].only_tested_with
             wanted = tuple(other for other in wanted if other not in only_tested)
-        found = []
+        dependencies = []
         unmet = []
         for other in wanted:
             if other in workspace:
-                found.append(workspace[other])
+                dependencies.append(workspace[other])
             elif not provider(other):
                 if other in answers:
-                    found.append(answers[other])
+                    dependencies.append(answers[other])
                 elif resembles_ros_name(other):
                     unmet.append(other)
-        needs[name] = frozenset(other.name for other in found) - {name}
+        needs[name] = frozenset(other.name for other in dependencies) - {name}
         if unmet:
             missing[name] = tuple(unmet)
-        for package in found:
+        for package in dependencies:
             if package.name not in packages:
                 packages[package.name] = package
                 waiting.append(package.name)

@@ -70,8 +70,8 @@ def source_packages(install: Path | None) -> Mapping[str, str]:
     # Without --profile, it is beside the sources.
     root = Path(os.path.normpath(install / recorded_state(install).root))
     with suppress(ForgeError):
-        found = find_packages(root, SearchPaths(), os.environ).packages
-        return {name: package.build_type for name, package in found.items()}
+        packages = find_packages(root, SearchPaths(), os.environ).packages
+        return {name: package.build_type for name, package in packages.items()}
     return {}
 
 
@@ -143,9 +143,9 @@ def _paths_after(option: str) -> int:
     """Return how many arguments after an option are paths; abbreviated options are accepted."""
     if not option.startswith("--"):
         return int(option == "-o")
-    if any(known.startswith(option) for known in _ONE_PATH):
+    if any(name.startswith(option) for name in _ONE_PATH):
         return 1
-    return 1_000_000 if any(known.startswith(option) for known in _MANY_PATHS) else 0
+    return 1_000_000 if any(name.startswith(option) for name in _MANY_PATHS) else 0
 
 
 def _moved(option: str, path: str, origin: Path, root: Path) -> str:

@@ -202,10 +202,10 @@ def select(
     faults = _unknown(query, _REQUIRED, names, hint_for)
     raise_if_any((*faults, *(doubts if query.strict else ())), SelectionError)
     left_out: dict[str, str] = {}
-    by_name = ((reason, _matching(ordered, kept)) for reason, kept in limits)
-    for reason, kept in (*_filters(query, ordered, needs), *by_name):
+    by_name = ((reason, _matching(ordered, remaining)) for reason, remaining in limits)
+    for reason, remaining in (*_filters(query, ordered, needs), *by_name):
         for node in ordered:
-            if node not in kept:
+            if node not in remaining:
                 left_out.setdefault(node, reason)
     return Selection(tuple(node for node in ordered if node not in left_out), left_out), doubts
 
@@ -236,12 +236,12 @@ def _filters(query: Query, ordered: Sequence[str], needs: Graph) -> Iterator[Fil
         yield reason, closure(needs, above)
     if query.above_depth[1]:
         depth, names = query.above_depth
-        kept = layer = _matching(ordered, names)
+        within_depth = layer = _matching(ordered, names)
         while layer and depth:
-            layer = frozenset[str]().union(*(dependents[node] for node in layer)) - kept
-            kept |= layer
+            layer = frozenset[str]().union(*(dependents[node] for node in layer)) - within_depth
+            within_depth |= layer
             depth -= 1
-        yield "not within --packages-above-depth", kept
+        yield "not within --packages-above-depth", within_depth
     if query.select_by_dep or query.skip_by_dep:
         below = closures(needs, ordered)
         if query.select_by_dep:

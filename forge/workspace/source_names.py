@@ -90,8 +90,8 @@ def folders_to_search(
             if identity in visited:
                 continue
             visited.add(identity)
-            with os.scandir(folder) as found:
-                entries = {entry.name: entry for entry in found}
+            with os.scandir(folder) as iterator:
+                entries = {entry.name: entry for entry in iterator}
         except OSError as error:  # entries that are not denied were removed meanwhile, or are dangling links
             if isinstance(error, PermissionError) and denied is not None:
                 denied.append(error)
