@@ -36,7 +36,7 @@ def lost_underlays(install: Path, variables: Mapping[str, str]) -> tuple[Problem
         )
         for root in recorded
     ]
-    known = [*map(str, recorded)]
+    missing_roots = [*map(str, recorded)]
     for variable in _VARIABLES:
         entries = dict.fromkeys(filter(None, variables.get(variable, "").split(os.pathsep)))
         # An isolated workspace has one entry in COLCON_PREFIX_PATH, and one per package in the other.
@@ -44,9 +44,9 @@ def lost_underlays(install: Path, variables: Mapping[str, str]) -> tuple[Problem
             entry
             for entry in entries
             if not os.path.lexists(entry)
-            and not any(f"{entry}/".startswith(f"{root.rstrip('/')}/") for root in known)
+            and not any(f"{entry}/".startswith(f"{root.rstrip('/')}/") for root in missing_roots)
         ]
-        known += gone
+        missing_roots += gone
         if gone:
             verb = "does" if len(gone) == 1 else "do"
             message = f"'{variable}' names {listed(gone)}, which {verb} not exist"
