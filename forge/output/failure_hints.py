@@ -308,12 +308,12 @@ def _target_not_found(target: str, context: FailureContext) -> str | None:
             if call.command in {"add_executable", "add_library"}
             and not {"IMPORTED", "ALIAS"}.isdisjoint(call.words)
         )
-        known = tuple(dict.fromkeys(each for each in exported if "$" not in each))
-        if not known:
+        exported_targets = tuple(dict.fromkeys(each for each in exported if "$" not in each))
+        if not exported_targets:
             return f"'{name}' has no target '{target}'; try ament_target_dependencies(YOUR_TARGET {name})"
-        near = nearest(target, known, _SURE)
+        near = nearest(target, exported_targets, _SURE)
         question = f"; did you mean '{near}'?" if near else ""
-        return f"'{name}' has no target '{target}'; it exports {quoted_names(known)}{question}"
+        return f"'{name}' has no target '{target}'; it exports {quoted_names(exported_targets)}{question}"
     depend = "" if context.declares(name) else f" and <depend>{name}</depend> to {context.manifest}"
     return f"add find_package({name} REQUIRED) before its use in CMakeLists.txt{depend}"
 
@@ -349,8 +349,8 @@ def _command_not_found(command: str, context: FailureContext) -> str | None:
     paths = (*map(context.package.path.joinpath, files), *(PACKAGE / "embedded").rglob("*.cmake"))
     definitions = (call for path in paths for call in calls(text_or_nothing(path)))
     names = (call.words[0] for call in definitions if call.command in {"function", "macro"} and call.words)
-    known = frozenset((*_CMAKE_COMMANDS, *names))
-    near = None if command in known else did_you_mean(command, known, _SURE)
+    commands = frozenset((*_CMAKE_COMMANDS, *names))
+    near = None if command in commands else did_you_mean(command, commands, _SURE)
     name = next((package for beginning, package in packages if command.startswith(beginning)), None)
     if near or name is None or name in context.found:
         return near

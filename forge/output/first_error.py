@@ -58,8 +58,8 @@ def first_error(output: Sequence[str], folder: str = "") -> FirstError | None:
         return None
     # Ninja prints the command, followed by its output.
     printed = takewhile(lambda line: not _NINJA.match(line), plain[failed + 2 :])
-    said = (line for line in printed if line.strip() and not line.startswith(DECLINED_PREFIX))
-    return FirstError((*islice(said, _MAX_SAID),) or (plain[failed],))
+    lines = (line for line in printed if line.strip() and not line.startswith(DECLINED_PREFIX))
+    return FirstError((*islice(lines, _MAX_SAID),) or (plain[failed],))
 
 
 def with_paths(output: str, folder: str) -> str:

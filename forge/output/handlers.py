@@ -94,5 +94,5 @@ class ReportOptions:
         service = self.ci_output or running_service(os.environ)
         if service and service != NONE:
             others.append(service)
-        found = {name: find_reporter(name) for name in (*names, *others)}
-        return {name: start for name, start in found.items() if start}
+        starts = {name: find_reporter(name) for name in (*names, *others)}
+        return {name: start for name, start in starts.items() if start}

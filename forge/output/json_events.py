@@ -68,9 +68,9 @@ class JsonEvents:
             self.emit("Fresh", name)
         for name, task in self._plan.tasks.items():
             commands = {"steps": [_step(step) for step in task.steps]} if steps else {}
-            known = {"last": round(last[name], 3)} if name in last else {}
+            duration = {"last": round(last[name], 3)} if name in last else {}
             planned = {"reason": task.reason, "conditional": task.conditional, "needs": needs[name]}
-            self.emit("Planned", name, **planned, **known, **commands)
+            self.emit("Planned", name, **planned, **duration, **commands)
 
     def write(self, event: Event, report: ConsoleReporter, why: Problem | None = None) -> None:
         """Write one event with the report's result; `why` is the reason if a package could not be started."""

@@ -151,8 +151,8 @@ def _head(progress: Progress, now: float, width: int) -> Line:
     length = min(greatest, width - len(text) - len("[]  "))
     if length < least:
         return (("bold", text.lstrip()),)
-    made = int(share * length)
-    arrow = "=" * made + ">" * (made < length)
+    filled = int(share * length)
+    arrow = "=" * filled + ">" * (filled < length)
     return ("", "["), ("green", arrow[:length]), ("", " " * (length - len(arrow)) + "]"), ("bold", f" {text}")
 
 
@@ -284,11 +284,11 @@ class Progress:
     def _work(self, now: float, left_out: frozenset[str]) -> tuple[float, float]:
         """Return the expected seconds of the packages not `left_out`, and how many of these are done."""
         worth = {name: cost for name, cost in self.expected.items() if name not in left_out}
-        made = sum(cost for name, cost in worth.items() if name in self.done)
+        done_seconds = sum(cost for name, cost in worth.items() if name in self.done)
         for running in self.running:
             cost = worth.get(running.name, 0.0)
-            made += cost * running.made if running.made else min(now - running.begun, cost)
-        return sum(worth.values()), made
+            done_seconds += cost * running.made if running.made else min(now - running.begun, cost)
+        return sum(worth.values()), done_seconds
 
     def _with(self, name: str, *, made: float = 0.0, **changes: object) -> Progress:
         """Return the progress with changes of a running package, whose completed share never decreases."""
@@ -319,8 +319,8 @@ def expectations(names: Iterable[str], seconds: Mapping[str, float]) -> Mapping[
 
     Empty if no duration is known.
     """
-    known = {name: seconds[name] for name in names if name in seconds}
-    if not known:
+    durations = {name: seconds[name] for name in names if name in seconds}
+    if not durations:
         return {}
-    usual = mean(known.values())
-    return {name: known.get(name, usual) for name in names}
+    usual = mean(durations.values())
+    return {name: durations.get(name, usual) for name in names}
