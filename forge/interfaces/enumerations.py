@@ -41,7 +41,7 @@ class Enumeration:
 
 def enumerations(message: Message) -> Mapping[str, Enumeration]:
     """Return the enumerations of a message by the names of its fields; fields may share one."""
-    found: dict[str, Enumeration] = {}
+    by_field: dict[str, Enumeration] = {}
     for field in message.fields:
         of, prefix = element_of(field.type), _prefix(field)
         if not prefix or not isinstance(of, Primitive) or of.name not in INTEGER_RANGES or of.name == "octet":
@@ -59,15 +59,15 @@ def enumerations(message: Message) -> Mapping[str, Enumeration]:
                 names = [each.name for each in constants]
             name = "".join(word.capitalize() for word in prefix.lower().split("_"))
             name += "Enum" * (name in _TAKEN or any(name == constant.name for constant in message.constants))
-            found[field.name] = Enumeration(name, of, tuple(zip(names, values, strict=True)))
-    return found
+            by_field[field.name] = Enumeration(name, of, tuple(zip(names, values, strict=True)))
+    return by_field
 
 
 def unused_annotations(message: Message) -> Iterator[Problem]:
     """Yield a problem for each annotation that does not define an enumeration."""
-    found = enumerations(message)
+    by_field = enumerations(message)
     for field in message.fields:
-        if (prefix := _prefix(field)) and field.name not in found:
+        if (prefix := _prefix(field)) and field.name not in by_field:
             text = f"'enum: {prefix}*' does not define an enumeration for '{field.name}'"
             hint = (
                 f"the field and all constants '{prefix}*' of the message must be integers, and fit its type"

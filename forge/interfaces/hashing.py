@@ -67,14 +67,14 @@ class Hasher:
 
     def referenced(self, name: TypeName) -> list[TypeName]:
         """Return all types that `name` refers to, directly or indirectly, sorted by name."""
-        found: set[TypeName] = set()
+        types: set[TypeName] = set()
         waiting = [name]
         while waiting:
             elements = (element_of(member.type) for member in self._structures[waiting.pop()])
-            inner = {element.name for element in elements if isinstance(element, Named)} - found
-            found |= inner
+            inner = {element.name for element in elements if isinstance(element, Named)} - types
+            types |= inner
             waiting += inner
-        return sorted(found, key=str)
+        return sorted(types, key=str)
 
     def fields(self, name: TypeName) -> tuple[Field, ...]:
         return self._structures[name]

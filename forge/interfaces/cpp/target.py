@@ -133,7 +133,7 @@ def _headers(interface: Interface, wire: MembersViews, definition: str) -> Itera
     constants = [constant for message in messages for constant in message.constants]
     values = [*((field.default, field.type) for field in members), *((c.value, c.type) for c in constants)]
     named = [enumerations(message) for message in messages]
-    enumerators = {member for found in named for each in found.values() for member, _ in each.members}
+    enumerators = {member for by_field in named for each in by_field.values() for member, _ in each.members}
     yield header(
         "struct",
         headers=sorted(headers),
@@ -167,8 +167,8 @@ def _headers(interface: Interface, wire: MembersViews, definition: str) -> Itera
         "traits",
         headers=[own_struct, *sorted([*(detail_path(other, "traits", "hpp") for other in others), *runtime])],
         messages=[
-            (message.name.name, _yaml_statements(message, found))
-            for message, found in zip(messages, named, strict=True)
+            (message.name.name, _yaml_statements(message, by_field))
+            for message, by_field in zip(messages, named, strict=True)
         ],
         types=list(_type_traits(interface)),
         whole=qualified(name),
@@ -443,12 +443,12 @@ class MembersViews:
         """Yield path and alignment of members copied in one piece; lengths belong to their data."""
         visited: set[Path] = set()
         for member in members:
-            whole = _outermost(member.path, wholes)
-            if whole is None and not isinstance(member, Length):
+            outermost = _outermost(member.path, wholes)
+            if outermost is None and not isinstance(member, Length):
                 yield member.path, member.alignment
-            elif whole is not None and whole not in visited:
-                visited.add(whole)
-                yield whole, self._shape(wholes[whole]).alignment
+            elif outermost is not None and outermost not in visited:
+                visited.add(outermost)
+                yield outermost, self._shape(wholes[outermost]).alignment
 
 
 def _packed(layout: MessageLayout) -> tuple[int, int]:

@@ -206,12 +206,12 @@ def _message(
 
 def _enumerations(message: Message) -> dict[str, Mapping[str, object]]:
     """Return the variables of the templates about enumerations: the classes, and those of single fields."""
-    found = enumerations(message)
-    classes: dict[str, Enumeration] = {each.name: each for each in found.values()}
+    by_field = enumerations(message)
+    classes: dict[str, Enumeration] = {each.name: each for each in by_field.values()}
     single = {field.name for field in message.fields if isinstance(field.type, Primitive)}
     return {
         "enumerations": {name: each.members for name, each in classes.items()},
-        "enumerated": {field: each.name for field, each in found.items() if field in single},
+        "enumerated": {field: each.name for field, each in by_field.items() if field in single},
     }
 
 
@@ -582,9 +582,9 @@ def _factories(name: TypeName, module: Module, layouts: LayoutBuilder) -> Iterat
     def factory(kind: str, inner: str, emit: Callable[[FunctionSource], None]) -> SimpleNamespace:
         source = FunctionSource(module)
         emit(source)
-        made = inner.partition("(")[0]
+        inner_name = inner.partition("(")[0]
         return SimpleNamespace(
-            name=f"{kind}_{name.name}", inner=inner, made=made, tables=source.tables, lines=source.lines
+            name=f"{kind}_{name.name}", inner=inner, made=inner_name, tables=source.tables, lines=source.lines
         )
 
     if layouts.is_large(name):

@@ -46,8 +46,8 @@ def definition_places(
     If the package was `built` (the folder with its installed definitions), these are the definitions passed
     to that build, and newer ones in its sources.
     """
-    found = definition_files(folder, rosdistro)
-    places = {key_of(relative): (base, relative) for relative, base in found.items()}
+    files = definition_files(folder, rosdistro)
+    places = {key_of(relative): (base, relative) for relative, base in files.items()}
     if built and (listed := _listed(built)):
         keys = {key_of(path): path for path in listed}
         when = _index_entry(built).stat().st_mtime_ns
@@ -130,9 +130,9 @@ def _found(folder: Path) -> list[str]:
 
 def _own(paths: Iterable[str]) -> Iterator[str]:
     """Yield the paths without .idl files that rosidl generated from others."""
-    known = dict.fromkeys(paths)
-    written = {key_of(path) for path in known if not path.endswith(".idl")}
-    yield from (path for path in known if not path.endswith(".idl") or key_of(path) not in written)
+    unique_paths = dict.fromkeys(paths)
+    written = {key_of(path) for path in unique_paths if not path.endswith(".idl")}
+    yield from (path for path in unique_paths if not path.endswith(".idl") or key_of(path) not in written)
 
 
 def key_of(relative: str) -> tuple[str, str]:
@@ -213,12 +213,12 @@ class Library:
         if name in self.given:
             return self.given[name]
         if name not in self._parsed:
-            found = None
+            parsed = None
             if place := self._place(name):
                 source = read_source(name.package, *place)
                 interface = with_events(parse(source)) if self.has_events else parse(source)
-                found = Parsed(source, interface) if interface.name == name else None
-            self._parsed[name] = found
+                parsed = Parsed(source, interface) if interface.name == name else None
+            self._parsed[name] = parsed
         return self._parsed[name]
 
     def file(self, name: TypeName) -> Path | None:
