@@ -188,8 +188,8 @@ def _restore(build: Path, before: Path) -> None:
         for path in (product, *(seen.edges[product].written if product in seen.edges else ())):
             if path.startswith(f"{build}/"):
                 _move(path, path.replace(str(build), str(before), 1))
-    made = {path for edge in then.edges for path in edge.outputs}
-    for path in (path for path in then.known() - made if path.startswith(f"{build}/")):
+    outputs = {path for edge in then.edges for path in edge.outputs}
+    for path in (path for path in then.known() - outputs if path.startswith(f"{build}/")):
         earlier = path.replace(str(build), str(before), 1)
         if is_same_file(path, Path(earlier)) and not os.path.islink(path):
             status = os.stat(earlier)
@@ -243,8 +243,8 @@ def _decision(
     # After an unfinished build, a file written since then may have had different content in between.
     differ = content_differs if last.complete else ne
     edited = {path for path, state in last.products.items() if _state(path) != state}
-    made = (each.written for each in (*seen.edges.values(), *filter(None, (seen.configure,))))
-    again = seen.left.intersection(chain.from_iterable(made))
+    written = (each.written for each in (*seen.edges.values(), *filter(None, (seen.configure,))))
+    again = seen.left.intersection(chain.from_iterable(written))
     own = compare(last.sources, now.sources, differ) | Changes(modified=last.saved.union(edited, again))
     if last.needs.keys() != now.needs.keys():
         # The search paths contain different prefixes, for which nothing was observed.
@@ -264,10 +264,10 @@ def dependency_changes(
     for name in then.keys() | now.keys():
         one, other = then.get(name, ""), now.get(name, "")
         if one != other:
-            found = states.changes(name, one, other)
-            if found is None:
+            package_changes = states.changes(name, one, other)
+            if package_changes is None:
                 return None
-            changes |= found
+            changes |= package_changes
     return changes
 
 
@@ -355,17 +355,17 @@ def observed_commands(
         workspace,
         began,
     )
-    found = commands_of(steps.observed, steps.kinds, outputs_of, folders)
-    if detected and found.configure:
+    new_commands = commands_of(steps.observed, steps.kinds, outputs_of, folders)
+    if detected and new_commands.configure:
         # A dependency on the processor would be observed here as well.
         others = (PROCESSOR, cmake_root(build))
         inputs = frozenset(each for each in detected if not each.startswith(others))
         paths = frozenset(each for each in inputs if each.startswith("/"))
-        configure = found.configure | Accesses(external=paths, asked=inputs - paths)
-        found = replace(found, configure=configure)
+        configure = new_commands.configure | Accesses(external=paths, asked=inputs - paths)
+        new_commands = replace(new_commands, configure=configure)
     outputs = frozenset(edge.outputs[0] for edge in graph.edges)
     # If a part of the log is missing, it is unknown which commands ran.
-    commands = (NOT_OBSERVED if steps.observed.blind else before).merged(found, outputs)
+    commands = (NOT_OBSERVED if steps.observed.blind else before).merged(new_commands, outputs)
     packages = _PACKAGE.findall(text_or_nothing(build / "CMakeCache.txt", errors="surrogateescape"))
     asked = {f"{PACKAGE_FOUND}{name}" for name in packages}.union(*(each.asked for each in commands.all))
     return replace(commands, answers=world.answers(asked))
@@ -430,8 +430,8 @@ def _begin_empty(build: Path, reuse: Reuse, more: tuple[str, ...]) -> None:
     # Create the mark first: if this build is killed, the next one recognizes the folder as forge's.
     (build / SCRATCH_DIR).mkdir(parents=True, exist_ok=True)
     # A build that reuses nothing tries again to compile generated sources together.
-    kept = (*_KEPT, UNITS_FAILED_FILE) if reuse is Reuse.PRODUCTS else _KEPT
-    for name in (*kept, *more):
+    names = (*_KEPT, UNITS_FAILED_FILE) if reuse is Reuse.PRODUCTS else _KEPT
+    for name in (*names, *more):
         with contextlib.suppress(FileNotFoundError):
             (target / name).rename(build / name)
     for path in _test_results(target):
@@ -483,8 +483,10 @@ def _generated_changes(build: Path, before: Path, graph: NativeGraph, seen: Obse
     A missing file counts only if commands read it and did not create it.
     """
     commands = [seen.edges[edge.outputs[0]] for edge in graph.edges if is_known(edge, seen)]
-    made = {path for edge in graph.edges for path in edge.outputs}.union(*(each.written for each in commands))
-    read = frozenset[str]().union(*(each.read for each in commands)) - made
+    outputs = {path for edge in graph.edges for path in edge.outputs}.union(
+        *(each.written for each in commands)
+    )
+    read = frozenset[str]().union(*(each.read for each in commands)) - outputs
     paths = {path for path in read if path.startswith(f"{build}/") and not os.path.isdir(path)}
     for folder, folders, files in os.walk(build):
         if folder == str(build):

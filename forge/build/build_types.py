@@ -82,8 +82,8 @@ def find_build_type(name: str) -> BuildType | None:
     if module is None:
         return None
     names = (field.name for field in fields(BuildType))
-    found = BuildType(**{field: getattr(module, field) for field in names if hasattr(module, field)})
-    return found if name in installed(BUILD_TYPES) else _checked(name, found, module)
+    build_type = BuildType(**{field: getattr(module, field) for field in names if hasattr(module, field)})
+    return build_type if name in installed(BUILD_TYPES) else _checked(name, build_type, module)
 
 
 def _checked(name: str, found: BuildType, module: object) -> BuildType:
@@ -108,7 +108,7 @@ def by_toolchain(
 ) -> Iterator[tuple[Callable[..., tuple[str, str]], list[Package]]]:
     """Yield the `toolchain` functions of the packages' build types, each with its packages."""
     types = {name: find_build_type(name) for name in sorted({each.build_type for each in packages})}
-    functions = {name: found.toolchain for name, found in types.items() if found and found.toolchain}
+    functions = {name: each.toolchain for name, each in types.items() if each and each.toolchain}
     for function in dict.fromkeys(functions.values()):
         yield function, [package for package in packages if functions.get(package.build_type) is function]
 
@@ -117,12 +117,12 @@ def with_toolchains(
     context: BuildContext, packages: Sequence[Package], variables: Mapping[str, str]
 ) -> BuildContext:
     """Return the context with the toolchains of build types; raises HostError for those not installed."""
-    found = {}
+    options = {}
     for toolchain, of_type in by_toolchain(packages):
         name, identity = toolchain(of_type, context, variables)
         option = f"the {name} toolchain {digest(identity)}"
-        found.update(dict.fromkeys((package.build_type for package in of_type), option))
-    return replace(context, toolchains=tuple(found.items()))
+        options.update(dict.fromkeys((package.build_type for package in of_type), option))
+    return replace(context, toolchains=tuple(options.items()))
 
 
 def known_types() -> tuple[str, ...]:
@@ -137,10 +137,10 @@ def is_known_type(name: str) -> bool:
 
 def build_type_of(package: Package) -> BuildType:
     """Return the build type of a package; raises ForgeError if it is unknown."""
-    found = find_build_type(package.build_type)
-    if found is None:
+    build_type = find_build_type(package.build_type)
+    if build_type is None:
         raise ForgeError(unknown_type(package.manifest))
-    return found
+    return build_type
 
 
 def unknown_types(packages: Iterable[Package]) -> frozenset[str]:
@@ -190,5 +190,5 @@ def hint_on_type(build_type: str, name: str = "NAME") -> str:
         return f"{problem.message}; {problem.hint}"
     names = sorted({*OWN, *installed(BUILD_TYPES)})
     near = did_you_mean(build_type, names)
-    known = f"{near} Others" if near else f"supported build types: {', '.join(names)}; others"
-    return f"{known} need a plugin, see `forge extensions`"
+    suggestion = f"{near} Others" if near else f"supported build types: {', '.join(names)}; others"
+    return f"{suggestion} need a plugin, see `forge extensions`"

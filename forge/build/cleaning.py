@@ -83,22 +83,22 @@ class Removable:
 
 def built_packages(layout: Layout, records: Mapping[str, BuildRecord]) -> frozenset[str]:
     """Return the packages with files in the build or install folder."""
-    found = set(records)
+    names = set(records)
     if is_own_build_base(layout.build):
-        found |= {entry.name for entry in _folders(layout.build) if is_own_build_dir(entry)}
+        names |= {entry.name for entry in _folders(layout.build) if is_own_build_dir(entry)}
     if is_own_install_base(layout.install):
-        found |= {entry.name.partition(".")[0] for entry in _entries(layout.install / BACKUP_DIR)}
+        names |= {entry.name.partition(".")[0] for entry in _entries(layout.install / BACKUP_DIR)}
         lists = {path.stem for path in (layout.install / INSTALLED_LISTS_DIR).glob("*.json")}
-        kept = ((name, read_installed_list(name, layout)) for name in lists)
-        found |= {name for name, one in kept if one and any(map(os.path.lexists, one.files))}
+        installed_lists = ((name, read_installed_list(name, layout)) for name in lists)
+        names |= {name for name, one in installed_lists if one and any(map(os.path.lexists, one.files))}
         if layout.merged:
             # Unowned files may be beside the marks.
             marks = (entry.name for entry in _entries(layout.install / PACKAGES) if entry.is_file())
             share = layout.install / "share"
-            found |= {name for name in marks if any((share / name / each).is_file() for each in _SCRIPTS)}
+            names |= {name for name in marks if any((share / name / each).is_file() for each in _SCRIPTS)}
         else:
-            found |= {entry.name for entry in _folders(layout.install) if has_package_marks(entry)}
-    return frozenset(found)
+            names |= {entry.name for entry in _folders(layout.install) if has_package_marks(entry)}
+    return frozenset(names)
 
 
 def is_of_workspace(name: str, root: Path, layout: Layout, records: Mapping[str, BuildRecord]) -> bool:
@@ -106,9 +106,9 @@ def is_of_workspace(name: str, root: Path, layout: Layout, records: Mapping[str,
 
     Without a list that names the workspace, the location of its sources decides, or else that of the folders.
     """
-    real, kept, record = os.path.realpath(root), read_installed_list(name, layout), records.get(name)
-    if kept and kept.workspace:
-        return os.path.realpath(layout.install / kept.workspace) == real
+    real, listed, record = os.path.realpath(root), read_installed_list(name, layout), records.get(name)
+    if listed and listed.workspace:
+        return os.path.realpath(layout.install / listed.workspace) == real
     places = (record.source,) if record and record.source else (layout.build, layout.install)
     return all(f"{os.path.realpath(place)}/".startswith(f"{real}/") for place in places)
 
@@ -118,15 +118,15 @@ def packages_of_others(root: Path, layout: Layout, records: Mapping[str, BuildRe
 
     Without a list, it depends on whether the package has a record.
     """
-    real, found = os.path.realpath(root), set()
+    real, names = os.path.realpath(root), set()
     for name in built_packages(layout, records):
-        kept, record = read_installed_list(name, layout), records.get(name)
-        home = str(layout.install / kept.workspace) if kept and kept.workspace else ""
+        listed, record = read_installed_list(name, layout), records.get(name)
+        home = str(layout.install / listed.workspace) if listed and listed.workspace else ""
         home = home or (record.source if record else "")
         is_below = f"{os.path.realpath(home)}/".startswith(f"{real}/")
-        if Path(home).is_dir() and not is_below if home else kept and records and not record:
-            found.add(name)
-    return frozenset(found)
+        if Path(home).is_dir() and not is_below if home else listed and records and not record:
+            names.add(name)
+    return frozenset(names)
 
 
 def package_removables(name: str, layout: Layout, records: Mapping[str, BuildRecord]) -> Iterator[Removable]:
@@ -158,7 +158,7 @@ def workspace_removables(
     """
     of_others = packages_of_others(root, layout, records)
     names = sorted(built_packages(layout, records) - of_others)
-    found = [removable for name in names for removable in package_removables(name, layout, records)]
+    removables = [removable for name in names for removable in package_removables(name, layout, records)]
     for base, chosen, is_own, files in (
         ("build", layout.build, is_own_build_base, BUILD_BASE_FILES),
         ("install", layout.install, is_own_install_base, INSTALL_BASE_FILES),
@@ -166,7 +166,7 @@ def workspace_removables(
         targets = tuple(_targets(layout))
         # An install folder that contains only folders of targets has no other mark.
         if base in bases and (is_own(chosen) or any(target.install.parent == chosen for target in targets)):
-            yield from (removable for removable in found if removable.base == chosen)
+            yield from (removable for removable in removables if removable.base == chosen)
             for target in targets:
                 below = open_journal(target.build).records
                 for removable in workspace_removables(root, target, below, (base,)):
@@ -248,20 +248,20 @@ def remaining_in_prefix(prefix: Path) -> Iterator[tuple[Path, str]]:
 def _reason(path: Path) -> str:
     if mount := next(mounts_below(str(path)), None):
         return f"'{mount}' is mounted there"
-    if path.is_dir() and (found := sources_in(path)):
-        return f"it contains '{found}'"
+    if path.is_dir() and (source := sources_in(path)):
+        return f"it contains '{source}'"
     return "forge did not create it"
 
 
 def _own_files(base_name: str, base: Path, paths: Iterable[Path]) -> Iterator[Removable]:
     """Yield the files that belong to no package: markers, scripts, journals."""
-    found = tuple(
+    existing = tuple(
         path
         for path in paths
         if os.path.lexists(path) and (path.name != IGNORE_MARK or is_own_ignore_mark(path))
     )
-    if found:
-        yield Removable(f"forge's own files in '{base_name}'", base, found)
+    if existing:
+        yield Removable(f"forge's own files in '{base_name}'", base, existing)
 
 
 def _targets(layout: Layout) -> Iterator[Layout]:
@@ -284,13 +284,13 @@ def _of_prefix(name: str, layout: Layout, records: Mapping[str, BuildRecord]) ->
         yield Removable(f"link to the prefix of '{name}'", layout.install, (prefix,))
         return
     files, empty = foreign_entries(str(prefix))
-    installed, kept = _installed(name, layout, records), read_installed_list(name, layout)
-    if kept is not None or (record is not None and record.files):
-        known = {
-            *(kept.folders if kept else ()),
+    installed, listed = _installed(name, layout, records), read_installed_list(name, layout)
+    if listed is not None or (record is not None and record.files):
+        folders = {
+            *(listed.folders if listed else ()),
             *(path.rstrip("/") for path in (record.folders if record else ())),
         }
-        own = [*(path for path in files if path in installed), *(path for path in empty if path in known)]
+        own = [*(path for path in files if path in installed), *(path for path in empty if path in folders)]
     else:
         scripts = (*package_markers(name, layout), *map(str, (prefix / "share" / name).glob("package.*")))
         last = max((os.lstat(path).st_ctime_ns for path in scripts if os.path.lexists(path)), default=0)
@@ -306,26 +306,26 @@ def _of_prefix(name: str, layout: Layout, records: Mapping[str, BuildRecord]) ->
 
 def _installed(name: str, layout: Layout, records: Mapping[str, BuildRecord]) -> set[str]:
     """Return the files in a prefix that belong to this package only."""
-    kept = read_installed_list(name, layout)
-    found = {*(kept.files if kept else ()), *(records[name].files if name in records else ())}
+    listed = read_installed_list(name, layout)
+    files = {*(listed.files if listed else ()), *(records[name].files if name in records else ())}
     if is_own_build_dir(layout.build_dir(name)):
-        found.update(listed_files(layout.build_dir(name)))
+        files.update(listed_files(layout.build_dir(name)))
     prefix = layout.prefix(name)
     share = prefix / "share" / name
     hooks = [path for path in share.glob("hook/*") if path.suffix[1:] in {*_EXTENSIONS, "dsv"}]
-    own = (*(share / script for script in _SCRIPTS), *(() if kept else hooks), prefix / PACKAGES / name)
-    found.update(map(str, (*own, *(prefix / INDEX).glob(f"*/{name}"))))
+    own = (*(share / script for script in _SCRIPTS), *(() if listed else hooks), prefix / PACKAGES / name)
+    files.update(map(str, (*own, *(prefix / INDEX).glob(f"*/{name}"))))
     if layout.merged:
         for record in (record for other, record in records.items() if other != name):
-            found.difference_update(record.files)
-    return found - (kept.unclaimed if kept else frozenset())
+            files.difference_update(record.files)
+    return files - (listed.unclaimed if listed else frozenset())
 
 
 def _existing(paths: Iterable[str], prefix: Path) -> tuple[Path, ...]:
     """Return which of these files exist in a prefix, with their bytecode; none behind a link or mount."""
     real, mounts = os.path.realpath(prefix), tuple(mounts_below(str(prefix)))
     inside: dict[str, bool] = {}
-    found = set[Path]()
+    existing = set[Path]()
     for path in paths:
         folder = os.path.dirname(path)  # noqa: PTH120  (each installed file)
         if folder not in inside:
@@ -336,10 +336,10 @@ def _existing(paths: Iterable[str], prefix: Path) -> tuple[Path, ...]:
                 and not any(f"{folder}/".startswith(f"{mount}/") for mount in mounts if mount != str(prefix))
             )
         if inside[folder] and path not in mounts and os.path.lexists(path):
-            found.add(Path(path))
+            existing.add(Path(path))
             if path.endswith(".py"):
-                found.update((Path(folder) / "__pycache__").glob(f"{Path(path).stem}.*.pyc"))
-    return tuple(sorted(found))
+                existing.update((Path(folder) / "__pycache__").glob(f"{Path(path).stem}.*.pyc"))
+    return tuple(sorted(existing))
 
 
 def _folders(base: Path) -> Iterator[Path]:

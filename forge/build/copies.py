@@ -35,7 +35,7 @@ class Copies:
             return
         remove_tree(str(self.folder))
         self.folder.mkdir(parents=True)
-        kept = []
+        entries = []
         for number, path in enumerate(paths):
             with contextlib.suppress(FileNotFoundError, NotADirectoryError, IsADirectoryError):
                 status, target = os.lstat(path), self.folder / str(number)
@@ -46,8 +46,8 @@ class Copies:
                         target.hardlink_to(path)
                 elif not of_others:
                     continue  # not installed by a build: the installed file no longer exists
-                kept.append((str(number), path, *stats_of(path)))
-        replace_file(self.folder / _LIST, json.dumps(kept).encode())
+                entries.append((str(number), path, *stats_of(path)))
+        replace_file(self.folder / _LIST, json.dumps(entries).encode())
 
     def entries(self) -> Iterator[tuple[Path, str, list[int]]]:
         """Yield each copy, its path and the stats of the original; folders and some pipes have no copy."""

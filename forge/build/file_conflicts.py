@@ -92,8 +92,8 @@ class MergedPrefix:
 
         They must be installed again in order, so that the result matches a clean build.
         """
-        found = self.conflicting_files(plan.tasks).values()
-        return frozenset(name for owners in found for name in owners).intersection(plan.fresh)
+        owner_lists = self.conflicting_files(plan.tasks).values()
+        return frozenset(name for owners in owner_lists for name in owners).intersection(plan.fresh)
 
     def in_order(self, plan: BuildPlan) -> BuildPlan:
         """Return the plan with each package after those that are known to install the same file."""
@@ -131,8 +131,8 @@ class MergedPrefix:
                 for name in owners
                 if name in built or any(name in plan.tasks[each].needs for each in built)
             )
-            known = states(built[-1]) if built else {}
-            if known and contents_of([path], table)[path] != known.get(path):
+            contents = states(built[-1]) if built else {}
+            if contents and contents_of([path], table)[path] != contents.get(path):
                 deprived.add(built[-1])
         for name in sorted(deprived):
             self._journal.set_record(name, replace(records[name], installed=Fingerprint()))

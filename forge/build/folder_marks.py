@@ -240,7 +240,7 @@ def base_problems(
     `thorough`.
     """
     for option, base in bases.items():
-        top = f"contains '{found}'" if (found := sources_in(base)) else ""
+        top = f"contains '{source}'" if (source := sources_in(base)) else ""
         deep = _unfit_base(base, thorough=thorough) if option in _MARKED else ""
         if reason := sources.conflict(base) or top or deep:
             hint = f"choose another folder with '{option}'"
@@ -254,8 +254,8 @@ def occupied_bases(layout: Layout) -> Iterator[Problem]:
         ("build", own.build, is_own_build_base, BUILD_BASE_FILES),
         ("install", own.install, is_own_install_base, INSTALL_BASE_FILES),
     ):
-        found = () if is_own(base) else (name for name in names if name != IGNORE_MARK)
-        if name := next((name for name in found if os.path.lexists(base / name)), None):
+        candidates = () if is_own(base) else (name for name in names if name != IGNORE_MARK)
+        if name := next((name for name in candidates if os.path.lexists(base / name)), None):
             message = f"the {kind} folder '{base}' contains '{name}', which forge did not create"
             yield Problem(message, hint=f"move it away, or choose another folder with '--{kind}-base'")
 
@@ -294,9 +294,9 @@ def _unfit_base(base: Path, *, thorough: bool) -> str:
             entries = {entry.name: entry for entry in os.scandir(folder)}
         except OSError:
             continue
-        found = next((name for name in (".git", "package.xml") if name in entries), "")
-        if found and not entries[found].is_symlink():
-            return f"contains sources: '{folder}/{found}'"
+        source = next((name for name in (".git", "package.xml") if name in entries), "")
+        if source and not entries[source].is_symlink():
+            return f"contains sources: '{folder}/{source}'"
         if level < _LEVELS and "CMakeCache.txt" not in entries:
             folders = (entry for entry in entries.values() if entry.is_dir(follow_symlinks=False))
             waiting += [
@@ -316,7 +316,7 @@ def nesting_problems(layout: Layout, names: Iterable[str]) -> Iterator[Problem]:
         message = f"the build folder and the install folder are the same: '{layout.build}'"
         yield Problem(message, hint=hint.format("--build-base' or '--install-base"))
         return
-    known = frozenset(names)
+    package_names = frozenset(names)
     logs = os.path.realpath(layout.logs) if layout.logs else ""
     for kind, outer, other, inner in (
         ("build", build, "install", install),
@@ -327,7 +327,7 @@ def nesting_problems(layout: Layout, names: Iterable[str]) -> Iterator[Problem]:
         if kind == "install" and layout.merged:
             continue
         part = inner[len(outer) + 1 :].partition("/")[0] if inner.startswith(f"{outer}/") else ""
-        if part in known:
+        if part in package_names:
             message = f"the {other} folder '{inner}' is inside the {kind} folder of '{part}'"
             yield Problem(message, hint=hint.format(f"--{other}-base"))
 
@@ -386,14 +386,14 @@ def _is_plain(folder: str, mark: str) -> bool:
 def is_usable_prefix(prefix: Path, layout: Layout, records: Callable[[], Mapping[str, BuildRecord]]) -> bool:
     """Return whether a build may replace the files of a package in a prefix that exists."""
     name = prefix.name
-    if found := sources_in(prefix):
-        path = str(prefix / found)
+    if source := sources_in(prefix):
+        path = str(prefix / source)
         record = records().get(name)
         if is_source_of(prefix, record):
             return False
         listed = path in listed_files(layout.build_dir(name))
         installed = listed or (record is not None and path in record.files)
-        if not installed and (found == "package.xml" or not has_package_marks(prefix)):
+        if not installed and (source == "package.xml" or not has_package_marks(prefix)):
             return False
     if is_own_prefix(prefix):
         return True

@@ -86,12 +86,12 @@ def read_install_scripts(build: Path) -> InstallScripts:
         around, blocks = _BLOCK.sub("", text), _BLOCK.finditer(text)
         prologue = text[: first.start()] if prologue is None and (first := _BLOCK.search(text)) else prologue
         included = _included(around, build)
-        found = [_rules(block[0], block[1]) for block in blocks]
+        rule_lists = [_rules(block[0], block[1]) for block in blocks]
         waiting += included or ()
-        if included is None or None in found:
+        if included is None or None in rule_lists:
             rules = None
         if rules is not None:
-            rules += (rule for each in found for rule in each or ())
+            rules += (rule for each in rule_lists for rule in each or ())
     return InstallScripts(None if rules is None else tuple(rules), digest.hexdigest(), prologue or "")
 
 
@@ -116,7 +116,7 @@ def _rules(block: str, body: str) -> list[InstallRule] | None:
 
     A block that changes files without installing any would change those of other blocks.
     """
-    found: list[InstallRule] = []
+    rules: list[InstallRule] = []
     every = [*_all_calls(body)]
     for call in every:
         if call is None:
@@ -126,7 +126,7 @@ def _rules(block: str, body: str) -> list[InstallRule] | None:
                 rule = _rule(words, block, is_copy=len(every) == 1)
                 if rule is None:
                     return None
-                found.append(rule)
+                rules.append(rule)
             case "file", (action, *_) if action in _FILE:
                 pass
             case "execute_process", _ if _STRIP in call.conditions:
@@ -135,7 +135,7 @@ def _rules(block: str, body: str) -> list[InstallRule] | None:
                 return None
             case command, _ if command not in _IN_BLOCKS:
                 return None
-    return found if found or all(call and call.command in _IN_BLOCKS for call in every) else None
+    return rules if rules or all(call and call.command in _IN_BLOCKS for call in every) else None
 
 
 def _is_generated(condition: tuple[str, ...]) -> bool:
@@ -192,7 +192,7 @@ def installed_entries(rules: Iterable[InstallRule]) -> Mapping[str, InstalledEnt
 
     None if a source is missing, or if two rules install to the same path: then their order decides.
     """
-    found: dict[str, InstalledEntry] = {}
+    by_path: dict[str, InstalledEntry] = {}
     for rule in rules:
         for source in rule.sources:
             name = rule.name or os.path.basename(source)
@@ -208,10 +208,10 @@ def installed_entries(rules: Iterable[InstallRule]) -> Mapping[str, InstalledEnt
                     ("/".join(filter(None, (top, path[start:]))), path, status) for path, status in below
                 ]
             for path, each, status in entries:
-                if path in found:
+                if path in by_path:
                     return None
-                found[path] = InstalledEntry(rule, each, file_state(each, status))
-    return found
+                by_path[path] = InstalledEntry(rule, each, file_state(each, status))
+    return by_path
 
 
 def folder_modes(rules: Iterable[InstallRule]) -> Mapping[str, int]:

@@ -143,8 +143,8 @@ def installed_files(package: Package, layout: Layout, earlier: Collection[str] =
     unclaimed = frozenset[str]()
     if not (layout.merged or writes.complete or build_type_of(package).staged):
         earlier = {*earlier, *exchange.unclaimed()}
-        found, empty = tree_below(str(prefix))
-        rest = {path for path, _ in found} - installed
+        files, empty = tree_below(str(prefix))
+        rest = {path for path, _ in files} - installed
         unclaimed = frozenset(path for path in rest if path not in others or path in earlier)
         folders.update(f"{path}/" for path in empty if path not in others)
     return InstalledFiles(tuple(sorted(installed | unclaimed)), tuple(sorted(folders)), unclaimed)
@@ -237,9 +237,9 @@ def set_file_times(
             status = os.lstat(path)
             if stat.S_ISREG(status.st_mode):
                 digest = table.digest(path, status)
-                kept, then = before.get(path, ("", status))
-                is_alike = kept and (status.st_size, status.st_mode) == (then.st_size, then.st_mode)
-                if is_alike and content_digest(kept) == digest:
+                backup, then = before.get(path, ("", status))
+                is_alike = backup and (status.st_size, status.st_mode) == (then.st_size, then.st_mode)
+                if is_alike and content_digest(backup) == digest:
                     os.utime(path, ns=(status.st_atime_ns, then.st_mtime_ns))
                 elif not restored or path == marker:
                     os.utime(path)

@@ -36,12 +36,14 @@ class InstalledStates:
         if libraries:
             from forge.build.inputs.elf_abi import abi_digest
 
-            known = read_json(folder / _INTERFACES)
-            now = {content: known.get(content) or abi_digest(path) for content, path in libraries.items()}
-            older = {content: interface for content, interface in known.items() if content not in now}
-            kept = dict([*older.items()][-max(_LIBRARIES, _KEPT * len(now)) :]) | now
-            if kept != known:
-                replace_file(folder / _INTERFACES, json.dumps(kept).encode())
+            interfaces = read_json(folder / _INTERFACES)
+            now = {
+                content: interfaces.get(content) or abi_digest(path) for content, path in libraries.items()
+            }
+            older = {content: interface for content, interface in interfaces.items() if content not in now}
+            updated = dict([*older.items()][-max(_LIBRARIES, _KEPT * len(now)) :]) | now
+            if updated != interfaces:
+                replace_file(folder / _INTERFACES, json.dumps(updated).encode())
         newest_first = sorted(folder.glob("*.json"), key=lambda path: path.stat().st_mtime_ns, reverse=True)
         for path in newest_first[_KEPT:]:
             path.unlink(missing_ok=True)
@@ -70,10 +72,10 @@ class InstalledStates:
         if not changes or changes.names:
             return False
         one, other = (self.contents(name, digest) or {} for digest in (then, now))
-        known = read_json(self._home / name / _INTERFACES)
+        interfaces = read_json(self._home / name / _INTERFACES)
         return all(
             _SHARED_LIBRARY.search(path)
-            and (interface := known.get(one[path]))
-            and interface == known.get(other[path])
+            and (interface := interfaces.get(one[path]))
+            and interface == interfaces.get(other[path])
             for path in changes.modified
         )

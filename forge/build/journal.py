@@ -201,16 +201,16 @@ def open_journal(build: Path) -> Journal:
 
 def _data(value: BuildRecord | BuildInputs | Fingerprint) -> dict[str, object]:
     """Return a value as JSON data; unlike asdict(), without a deep copy."""
-    found = ((field.name, getattr(value, field.name)) for field in fields(value))
+    values = ((field.name, getattr(value, field.name)) for field in fields(value))
     return {
-        name: _data(each) if isinstance(each, BuildInputs | Fingerprint) else each for name, each in found
+        name: _data(each) if isinstance(each, BuildInputs | Fingerprint) else each for name, each in values
     }
 
 
 def _value(type_: type[_Type], data: Mapping[str, Any]) -> _Type:
     """Return the value of a frozen class; raises one of _INVALID_ENTRY for invalid data."""
-    found: dict[str, Any] = {field.name: _READ[field.type](data[field.name]) for field in fields(type_)}
-    return type_(**found)
+    arguments: dict[str, Any] = {field.name: _READ[field.type](data[field.name]) for field in fields(type_)}
+    return type_(**arguments)
 
 
 def _texts(data: object) -> tuple[str, ...]:

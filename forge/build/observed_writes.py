@@ -89,10 +89,10 @@ def read_writes(log: Path, prefix: Path) -> ObservedWrites:
 
     def below(paths: frozenset[str]) -> frozenset[str]:
         """Return the paths inside the prefix, spelled with its unresolved name."""
-        found = {path for path in paths if f"{path}/".startswith(f"{prefix}/")}
+        inside = {path for path in paths if f"{path}/".startswith(f"{prefix}/")}
         if real != str(prefix):
-            found |= {f"{prefix}{path[len(real) :]}" for path in paths if f"{path}/".startswith(f"{real}/")}
-        return frozenset(found)
+            inside |= {f"{prefix}{path[len(real) :]}" for path in paths if f"{path}/".startswith(f"{real}/")}
+        return frozenset(inside)
 
     return ObservedWrites(
         files=below(seen.written | steps.files),

@@ -104,17 +104,17 @@ def _read_from(resolution: DependencyResolution, snapshot: Snapshot) -> dict[str
 
     They are built first where possible. In a cycle, declared dependencies take precedence.
     """
-    found = {
+    read_from = {
         name: frozenset(record.read_from) & resolution.needs.keys() - {name}
         for name, record in snapshot.records.items()
         if record.read_from and name in resolution.needs
     }
-    if not found:
+    if not read_from:
         return {}
-    undeclared = {name: found.get(name, frozenset()) for name in resolution.needs}
+    undeclared = {name: read_from.get(name, frozenset()) for name in resolution.needs}
     both = {name: needs | undeclared[name] for name, needs in resolution.needs.items()}
     cycles = weak_edges_on_cycles(both, undeclared)
-    return {name: others - cycles.get(name, frozenset()) for name, others in found.items()}
+    return {name: others - cycles.get(name, frozenset()) for name, others in read_from.items()}
 
 
 _CONFIGURING = frozenset({"python", "cmake", "ninja", "make"})

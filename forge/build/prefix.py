@@ -118,14 +118,14 @@ class PrefixExchange:
         `earlier` are the files of earlier builds in records and install manifests, as absolute paths; other
         packages also installed the `shared` ones.
         """
-        known = read_installed_list(self._name, self._layout)
-        listed = known or InstalledList({})
+        installed_list = read_installed_list(self._name, self._layout)
+        listed = installed_list or InstalledList({})
         # After a kill, install manifests may name files that a step had not yet written.
         earlier = self.moved_files() if self._moved.is_dir() else earlier
         # Before its first build, a package owns no files.
-        markers = self._markers if known or earlier or self._is_installed() else ()
+        markers = self._markers if installed_list or earlier or self._is_installed() else ()
         files = dict.fromkeys((*listed.files, *earlier, *markers))
-        if markers and not known:
+        if markers and not installed_list:
             # colcon and earlier versions of forge wrote scripts without listing them.
             share = self._layout.prefix(self._name) / "share" / self._name
             scripts = (*share.glob("package.*"), *(share / "hook").glob("*"))
@@ -136,7 +136,7 @@ class PrefixExchange:
         movable = [path for path in files if path.startswith(f"{self._prefix}/") and path not in shared]
         if staying := files.keys() - set(movable):
             self._copies.make(sorted(staying))
-        kept = self._recover()
+        problems = self._recover()
         if not self._moved.is_dir():
             self._note_state((*movable, *folders))
         self._move_aside(movable, folders)
@@ -147,7 +147,7 @@ class PrefixExchange:
             if files_of_others or empty:
                 self._others.make((*files_of_others, *empty), of_others=True)
         self._guard_links()
-        return kept
+        return problems
 
     def _is_installed(self) -> bool:
         return os.path.lexists(self._layout.prefix(self._name) / PACKAGES / self._name)
@@ -155,12 +155,12 @@ class PrefixExchange:
     def moved_files(self) -> dict[str, tuple[str, os.stat_result]]:
         """Return the path of the backup and its stat for each file of the last build, by its path."""
         cut = len(str(self._moved))
-        found = {
+        backups = {
             f"{self._prefix}{path[cut:]}": (path, status) for path, status in tree_below(str(self._moved))[0]
         }
         for copy, path, _ in self._copies.entries():
-            found[path] = (str(copy), copy.lstat())
-        return found
+            backups[path] = (str(copy), copy.lstat())
+        return backups
 
     def copied_files(self) -> frozenset[str]:
         """Return the paths of the files of the last build that were copied instead of moved."""
@@ -176,11 +176,11 @@ class PrefixExchange:
 
     def in_the_way(self, paths: Iterable[str]) -> Iterator[Problem]:
         """Yield a problem for each unowned file that the package is about to replace."""
-        known, unclaimed = self._known_others()
-        others = {path for path in known if os.path.lexists(path)}
+        entries, unclaimed = self._known_others()
+        others = {path for path in entries if os.path.lexists(path)}
         above = {parent: path for path in others for parent in folders_above(path, self._prefix)}
         base = os.path.realpath(self._layout.install)
-        found: dict[str, str] = {}
+        blocked_paths: dict[str, str] = {}
         for path in sorted(paths) if others else ():
             blocking = next(
                 (other for other in (path, *folders_above(path, self._prefix)) if other in others), None
@@ -189,10 +189,10 @@ class PrefixExchange:
             if blocking == path and path in unclaimed:
                 continue
             if blocking and not (passes and not _leads_out(blocking, base)):
-                found.setdefault(blocking, path)
+                blocked_paths.setdefault(blocking, path)
             elif path in above:
-                found.setdefault(above[path], path)
-        for blocking, path in found.items():
+                blocked_paths.setdefault(above[path], path)
+        for blocking, path in blocked_paths.items():
             yield self._problem(path, blocking)
 
     def announce(self, paths: Iterable[str]) -> None:
@@ -229,14 +229,14 @@ class PrefixExchange:
 
     def refused(self) -> Iterator[Problem]:
         """Yield a problem for each unowned link through which a step tried to write."""
-        others, found = self.others(), dict[str, str]()
+        others, refused_paths = self.others(), dict[str, str]()
         for path in sorted(self.writes().refused):
             link = next(
                 (place for place in (path, *folders_above(path, self._prefix)) if place in others), None
             )
             if link:
-                found.setdefault(link, path)
-        for link, path in found.items():
+                refused_paths.setdefault(link, path)
+        for link, path in refused_paths.items():
             yield self._problem(path, link)
 
     def commit(self) -> tuple[Problem, ...]:
@@ -246,7 +246,7 @@ class PrefixExchange:
         unowned files that it may have changed.
         """
         listed = read_list(self._list, str(self._layout.install))
-        kept = [*self._keep_changed()]
+        problems = [*self._keep_changed()]
         cut = len(str(self._moved))
         for path, _ in tree_below(str(self._moved))[0]:
             original = f"{self._prefix}{path[cut:]}"
@@ -255,9 +255,9 @@ class PrefixExchange:
             if identity_now(path) != listed.files[original]:
                 os.makedirs(os.path.dirname(original), exist_ok=True)
                 os.rename(path, original)
-                kept.append(edited(original, self._name))
+                problems.append(edited(original, self._name))
         self._drop()
-        return tuple(kept)
+        return tuple(problems)
 
     def roll_back(self) -> tuple[Problem, ...]:
         """Remove the files that the build has written, and move the package's files back.
@@ -267,7 +267,7 @@ class PrefixExchange:
         if self._part.is_dir():
             self._move_back(self._part)
         self._remove_written()
-        kept = self._keep_changed()
+        problems = self._keep_changed()
         for manifest in MANIFESTS:
             (self._layout.build_dir(self._name) / manifest).unlink(missing_ok=True)
         if self._moved.is_dir():
@@ -287,7 +287,7 @@ class PrefixExchange:
             with contextlib.suppress(OSError):
                 os.rmdir(self._prefix)
         self._drop()
-        return kept
+        return problems
 
     def _keep_changed(self) -> tuple[Problem, ...]:
         """Keep the earlier contents of unowned files that an unobserved step may have changed.
@@ -300,15 +300,15 @@ class PrefixExchange:
         if writes.complete or (self._layout.merged and not writes.started):
             return ()
         others, unclaimed = self._known_others()
-        kept = []
+        problems = []
         for copy, path, status in self._others.entries() if others else ():
             is_known = path in unclaimed or path in writes.files or stats_of(path) == status
             if is_known or not stat.S_ISREG(status[MODE]) or begins_with(path, copy):
                 continue
             if beside := keep_beside(copy, path):
                 message = f"'{path}' changed during the build of '{self._name}', which could not be observed"
-                kept.append(Problem(message, hint=f"its earlier content is in '{beside}'"))
-        return tuple(kept)
+                problems.append(Problem(message, hint=f"its earlier content is in '{beside}'"))
+        return tuple(problems)
 
     def _drop(self) -> None:
         others = () if self._layout.merged else (self._others.folder,)
@@ -324,7 +324,7 @@ class PrefixExchange:
 
     def _recover(self) -> tuple[Problem, ...]:
         """Continue after a kill: remove the files that the killed build wrote, or undo a partial move."""
-        kept: tuple[Problem, ...] = ()
+        problems: tuple[Problem, ...] = ()
         remove_tree(str(stage_folder(self._name, self._layout)))
         remove_tree(f"{self._moved}.trash")
         if self._part.is_dir():
@@ -332,7 +332,7 @@ class PrefixExchange:
             self._move_back(self._part)
         if self._moved.is_dir():
             self._remove_written()
-            kept = self._keep_changed()
+            problems = self._keep_changed()
             if not self.writes().complete:
                 # It is unknown which files were written by the killed build.
                 noted = {
@@ -342,7 +342,7 @@ class PrefixExchange:
                 replace_file(self._state, json.dumps(noted).encode())
         if not self._layout.merged:
             remove_tree(str(self._others.folder))
-        return kept
+        return problems
 
     def _remove_written(self) -> None:
         """Remove the files that the steps wrote below the prefix; restore other files that they overwrote."""
@@ -369,7 +369,7 @@ class PrefixExchange:
             return {}
         own = list_file(self._name, self._layout)
         lists = (read_list(file, self._prefix) for file in own.parent.glob("*.json") if file != own)
-        return {path: [] for found in lists if found for path in found.files}
+        return {path: [] for listed in lists if listed for path in listed.files}
 
     def _note_state(self, paths: Iterable[str]) -> None:
         """Record the package's folders, which may become empty and be removed, with their permissions."""
@@ -380,25 +380,25 @@ class PrefixExchange:
                     status = status_of(folder)
                     is_folder = status is not None and stat.S_ISDIR(status.st_mode)
                     folders[folder] = stat.S_IMODE(status.st_mode) if status and is_folder else None
-        kept = {path: mode for path, mode in folders.items() if mode is not None}
+        modes = {path: mode for path, mode in folders.items() if mode is not None}
         state = {
             "existed": os.path.lexists(self._prefix),
             "listed": not self._is_installed() or list_file(self._name, self._layout).exists(),
         }
-        data = {"state": state, "folders": kept}
+        data = {"state": state, "folders": modes}
         with contextlib.suppress(FileNotFoundError):
             replace_file(self._list, list_file(self._name, self._layout).read_bytes())
         replace_file(self._state, json.dumps(data).encode())
 
     def _noted(self, key: str) -> Mapping[str, Any]:
-        found = read_json(self._state).get(key)
-        return found if isinstance(found, dict) else {}
+        value = read_json(self._state).get(key)
+        return value if isinstance(value, dict) else {}
 
     def _move_aside(self, paths: Iterable[str], folders: Iterable[str]) -> None:
         """Move files out of the prefix, and remove folders that become empty."""
         target = self._moved if self._moved.is_dir() else self._part
         target.mkdir(parents=True, exist_ok=True)
-        cut, made, emptied = len(self._prefix), {str(target)}, set()
+        cut, parents, emptied = len(self._prefix), {str(target)}, set()
         for path in sorted(paths):
             aside = f"{target}{path[cut:]}"
             parent = os.path.dirname(aside)
@@ -409,9 +409,9 @@ class PrefixExchange:
                 if os.path.lexists(aside):
                     os.unlink(path)
                 else:
-                    if parent not in made:
+                    if parent not in parents:
                         os.makedirs(parent, exist_ok=True)
-                        made.add(parent)
+                        parents.add(parent)
                     _rename(path, aside)
                 emptied.add(os.path.dirname(path))
         for folder in sorted({*emptied, *folders}, reverse=True):
@@ -467,8 +467,8 @@ class PrefixExchange:
         It is unknown which files belong to a package that another tool or an older forge installed.
         """
         others = self.others() if self._noted("state").get("listed") else {}
-        known = read_list(self._list, str(self._layout.install)) if others else None
-        return others, known.unclaimed if known else frozenset()
+        listed = read_list(self._list, str(self._layout.install)) if others else None
+        return others, listed.unclaimed if listed else frozenset()
 
     def _problem(self, path: str, other: str) -> Problem:
         message = (
@@ -486,7 +486,10 @@ def copy_others_of_merged(layout: Layout, owned: Iterable[str]) -> None:
     base = str(layout.install)
     lists = (layout.install / INSTALLED_LISTS_DIR).glob("*.json")
     listed = {
-        path for file in lists if (found := read_list(file, base)) for path in (*found.files, *found.folders)
+        path
+        for file in lists
+        if (installed_list := read_list(file, base))
+        for path in (*installed_list.files, *installed_list.folders)
     }
     files, empty = foreign_entries(base) if listed or not (layout.install / PACKAGES).is_dir() else ([], [])
     listed.update(owned)

@@ -89,8 +89,8 @@ def complete_record(
     products: Mapping[str, str],
 ) -> None:
     """Record that the build succeeded."""
-    found = {"externals": externals, "saved": sorted(saved), "generated": generated, "products": products}
-    _append(build, {**found, "complete": True})
+    data = {"externals": externals, "saved": sorted(saved), "generated": generated, "products": products}
+    _append(build, {**data, "complete": True})
 
 
 def _append(build: Path, data: Mapping[str, object]) -> None:

@@ -90,9 +90,9 @@ def affected_outputs(graph: NativeGraph, changes: Changes, seen: ObservedCommand
     unknown = {output for edge in graph.edges if not is_known(edge, seen) for output in edge.outputs}
     users, waiting = graph.users(), [*unknown]
     while waiting:
-        made = {output for edge in users.get(waiting.pop(), ()) for output in edge.outputs}
-        waiting += made - unknown
-        unknown |= made
+        outputs = {output for edge in users.get(waiting.pop(), ()) for output in edge.outputs}
+        waiting += outputs - unknown
+        unknown |= outputs
     return frozenset(unknown).union(
         output
         for edge in graph.edges
@@ -109,8 +109,8 @@ def with_all_written(graph: NativeGraph, dropped: frozenset[str], seen: Observed
     The native tool tracks neither. A command that runs again because of its inputs also begins without its
     side outputs, and without later outputs of other commands.
     """
-    known = [(edge, seen.edges[edge.outputs[0]]) for edge in graph.edges if is_known(edge, seen)]
-    users = graph.users() if known and dropped else {}
+    candidates = [(edge, seen.edges[edge.outputs[0]]) for edge in graph.edges if is_known(edge, seen)]
+    users = graph.users() if candidates and dropped else {}
     # For example, sources: the native tool checks such files before the commands run.
     unknown = (edge for edge in graph.edges if dropped and not is_known(edge, seen))
     beside = frozenset(
@@ -128,8 +128,8 @@ def with_all_written(graph: NativeGraph, dropped: frozenset[str], seen: Observed
             if path not in dirty:
                 dirty.add(path)
                 waiting += (output for edge in users.get(path, ()) for output in edge.outputs)
-        kept = []
-        for edge, each in known:
+        unaffected = []
+        for edge, each in candidates:
             # Both writers of a shared output rerun, and so do readers of undeclared outputs.
             again = (
                 not more.isdisjoint(edge.outputs)
@@ -142,12 +142,12 @@ def with_all_written(graph: NativeGraph, dropped: frozenset[str], seen: Observed
             if again:
                 more.update(each.written, edge.outputs)
             else:
-                kept.append((edge, each))
-        known = kept
+                unaffected.append((edge, each))
+        candidates = unaffected
         begun = (edge for edge in graph.edges if not dirty.isdisjoint(edge.outputs))
         accesses = filter(None, (seen.edges.get(edge.outputs[0]) for edge in begun))
         early = frozenset[str]().union(*(each.early | each.undone for each in accesses)) - more
-        for edge, each in known if early else ():
+        for edge, each in candidates if early else ():
             if not early.isdisjoint((*edge.outputs, *each.written)):
                 more.update(each.written, edge.outputs)
     return frozenset(more)

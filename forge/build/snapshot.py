@@ -73,8 +73,8 @@ def take_snapshot(
         name = package.name
         record = records.get(name)
         home = str(root / package.path)
-        known = record.sources if record else None
-        sources[name], manifest = fingerprint_tree(home, table, known)
+        recorded_sources = record.sources if record else None
+        sources[name], manifest = fingerprint_tree(home, table, recorded_sources)
         if record:
             if sources[name].digest != record.sources.digest:
                 source_changes[name] = changed_sources(home, manifest, last_record(name), table)

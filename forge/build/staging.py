@@ -72,8 +72,8 @@ def staged(task: Task, layout: Layout, shared: Collection[str]) -> Task:
 
     Other packages have installed the `shared` files as well.
     """
-    known, listed = read_json(_notes_file(task.build_dir)), read_installed_list(task.name, layout)
-    if shared or not known.keys() >= {"scripts", "files", "folders"} or not task.prefix.is_dir():
+    notes, listed = read_json(_notes_file(task.build_dir)), read_installed_list(task.name, layout)
+    if shared or not notes.keys() >= {"scripts", "files", "folders"} or not task.prefix.is_dir():
         return task
     if listed is None or listed.unclaimed:
         return task
@@ -89,8 +89,8 @@ def staged(task: Task, layout: Layout, shared: Collection[str]) -> Task:
 def forget_sources(task: Task) -> None:
     """Make the next build install everything, because the installed files come from elsewhere."""
     notes = _notes_file(task.build_dir)
-    if known := read_json(notes):
-        replace_file(notes, json.dumps({**known, "sources": None}).encode())
+    if data := read_json(notes):
+        replace_file(notes, json.dumps({**data, "sources": None}).encode())
 
 
 def begin(task: Task, layout: Layout) -> None:
@@ -269,7 +269,7 @@ def commit(task: Task, layout: Layout) -> tuple[InstalledFiles, tuple[Problem, .
     before, folders_before = (
         frozenset(f"{task.prefix}/{path}" for path in notes[key]) for key in ("files", "folders")
     )
-    kept: tuple[Problem, ...] = ()
+    problems: tuple[Problem, ...] = ()
     if read_json(task.build_dir / SCRATCH_DIR / _NEXT)["partial"]:
         written = {*(_target(task, path) for path, _ in files)}
         written |= {f"{folder}/" for folder in _folders(task, files, empty)}
@@ -282,7 +282,7 @@ def commit(task: Task, layout: Layout) -> tuple[InstalledFiles, tuple[Problem, .
         if layout.merged:  # the others existed before
             own = {f"{path}/" for path in _own_entries(task, layout)}
             folders = frozenset(path for path in folders if path in own or not os.path.isdir(path))
-        kept = remove_stale(task, layout, (before | folders_before) - now - folders)
+        problems = remove_stale(task, layout, (before | folders_before) - now - folders)
         installed = InstalledFiles(tuple(sorted(now)), tuple(sorted(folders)))
     _announce(task, layout, (path for path, _ in files))
     for folder in _folders(task, files, empty):
@@ -302,7 +302,7 @@ def commit(task: Task, layout: Layout) -> tuple[InstalledFiles, tuple[Problem, .
         if manifest.is_file():
             lines = "\n".join(_target(task, path) for path in listed_paths(manifest))
             replace_file(manifest, lines.encode(errors="surrogateescape"))
-    return installed, kept
+    return installed, problems
 
 
 def _announce(task: Task, layout: Layout, staged_files: Iterable[str]) -> None:
@@ -328,7 +328,7 @@ def remove_stale(
     """
     listed = read_installed_list(task.name, layout) or InstalledList({})
     own = {folder.rstrip("/") for folder in folders}
-    kept = []
+    problems = []
     for path in sorted(stale, reverse=True):
         if path.endswith("/"):
             remove_empty_folders(f"{path}x", str(task.prefix), own)
@@ -338,8 +338,8 @@ def remove_stale(
             os.unlink(path)
             remove_empty_folders(path, str(task.prefix), own)
         else:
-            kept.append(edited(path, task.name))
-    return tuple(kept)
+            problems.append(edited(path, task.name))
+    return tuple(problems)
 
 
 def remove_other_stale(task: Task, layout: Layout, installed: InstalledFiles) -> tuple[Problem, ...]:
@@ -364,7 +364,7 @@ def note_installed(task: Task, installed: InstalledFiles, *, observed: bool) -> 
         notes.unlink(missing_ok=True)
         return
     paths = {"files": installed.files, "folders": installed.folders}
-    relative = {key: [path.removeprefix(below) for path in found] for key, found in paths.items()}
+    relative = {key: [path.removeprefix(below) for path in entries] for key, entries in paths.items()}
     notes.parent.mkdir(parents=True, exist_ok=True)
     replace_file(notes, json.dumps({**data, **relative}).encode())
     following.unlink(missing_ok=True)
@@ -384,11 +384,11 @@ def _target(task: Task, path: str) -> str:
 def _folders(task: Task, files: Iterable[tuple[str, os.stat_result]], empty: Iterable[str]) -> list[str]:
     """Return the folders of the prefix with staged entries, parents first."""
     stage = str(task.stage)
-    found = {stage, *empty}
+    folders = {stage, *empty}
     for path in (*(path for path, _ in files), *empty):
-        while (path := os.path.dirname(path)) not in found:
-            found.add(path)
-    return sorted(_target(task, f"{path}/").rstrip("/") for path in found)
+        while (path := os.path.dirname(path)) not in folders:
+            folders.add(path)
+    return sorted(_target(task, f"{path}/").rstrip("/") for path in folders)
 
 
 def _is_same(path: str, other: str) -> bool:

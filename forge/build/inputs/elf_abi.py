@@ -104,24 +104,24 @@ def linked_parts(content: bytes | mmap) -> str:
         digest = hashlib.sha256(repr(library.machine).encode())
         for section in library.sections:
             body, size = section.body, section.size
-            known: object = None
+            entries: object = None
             if section.name == ".dynstr":
                 body, size = _ZEROS.sub(b"\0", body), 0
             elif section.name == ".note.gnu.build-id":
                 body = b""
             elif section.type == _SHT_DYNAMIC:
-                known = [
+                entries = [
                     (tag, _text(strings, value) if tag in _NAMES else names.get(value, value))
                     for tag, value in _DYNAMIC.iter_unpack(body)
                     if tag != _DT_STRSZ
                 ]
             elif section.type == _SHT_DYNSYM:
-                known = [(_text(strings, name), *rest) for name, *rest in _SYMBOL.iter_unpack(body)]
+                entries = [(_text(strings, name), *rest) for name, *rest in _SYMBOL.iter_unpack(body)]
             elif section.type == _SHT_VERNEED:
-                known = [*_needed_versions(body, strings)]
-            description = (section.name, section.type, section.flags, section.alignment, size, known)
+                entries = [*_needed_versions(body, strings)]
+            description = (section.name, section.type, section.flags, section.alignment, size, entries)
             digest.update(repr(description).encode(errors="surrogateescape"))
-            digest.update(body if known is None else b"")
+            digest.update(body if entries is None else b"")
     except (ValueError, LookupError, struct.error):
         return ""
     return digest.hexdigest()

@@ -125,20 +125,20 @@ class FileTable:
 
         `stat_text` is the stat as text, if the caller has it.
         """
-        known = self._load()
+        entries = self._load()
         stat_text = stat_text or _stat_text(status)
-        entry = known.get(path)
+        entry = entries.get(path)
         if entry is not None and entry[0] == stat_text:
             return entry[1]
-        found = content_digest(path)
+        digest = content_digest(path)
         # The file may be written again without a change of its times.
-        known[path] = ("" if is_written_since(time.time_ns(), status) else stat_text, found)
+        entries[path] = ("" if is_written_since(time.time_ns(), status) else stat_text, digest)
         self._own_files.discard(path)
         self._changed = True
         before = entry[1] if entry is not None else None
-        if before != found:
+        if before != digest:
             self.changed_files.setdefault(path, before)
-        return found
+        return digest
 
     def learn(self, path: str, status: os.stat_result, digest: str) -> None:
         """Record the digest of a file that was just written, so that this process need not read it."""
@@ -192,10 +192,10 @@ def fingerprint_tree(
         path: FileState(stats, _content(path, status, table, stats)) for path, status, stats in entries
     }
     lines = "".join(f"{path[cut:]}\0{state.content}\n" for path, state in manifest.items())
-    found = Fingerprint(stamp, _digest(lines.encode(errors="surrogateescape")))
+    fingerprint = Fingerprint(stamp, _digest(lines.encode(errors="surrogateescape")))
     if stamp:
-        table.trees[root] = found, manifest
-    return found, manifest
+        table.trees[root] = fingerprint, manifest
+    return fingerprint, manifest
 
 
 def fingerprint_files(
@@ -226,13 +226,13 @@ def fingerprint_again(
     """
     if paths not in table.stats or contents is None or not all(path in contents for path in paths):
         return None
-    now, found = dict(zip(paths, table.stats[paths], strict=True)), {path: contents[path] for path in paths}
+    now, updated = dict(zip(paths, table.stats[paths], strict=True)), {path: contents[path] for path in paths}
     for path in now.keys() & written:
         status = _status(path)
         now[path] = _stats(path, status)
-        found[path] = _content(path, status, table, now[path])
+        updated[path] = _content(path, status, table, now[path])
     lines = "".join(f"{path}\0{stats}\n" for path, stats in now.items())
-    return Fingerprint(_digest(lines.encode(errors="surrogateescape")), digest_of(paths, found)), found
+    return Fingerprint(_digest(lines.encode(errors="surrogateescape")), digest_of(paths, updated)), updated
 
 
 def tree_stats(root: str) -> dict[str, str]:
@@ -315,13 +315,13 @@ def own_files(root: str) -> Iterator[tuple[str, os.stat_result]]:
 
 def source_folders(root: str) -> Mapping[str, list[str]]:
     """Return each folder that `source_files` looks into, and the files elsewhere that its links lead to."""
-    found: dict[str, list[str]] = {root: []} if os.path.isdir(root) else {}
+    link_targets: dict[str, list[str]] = {root: []} if os.path.isdir(root) else {}
     for path, status, _ in _walk(root):
         if path.endswith("/"):
-            found[path[:-1]] = []
+            link_targets[path[:-1]] = []
         elif stat.S_ISLNK(status.st_mode) and not os.path.isdir(path):
-            found[os.path.dirname(path)].append(os.path.realpath(path))
-    return found
+            link_targets[os.path.dirname(path)].append(os.path.realpath(path))
+    return link_targets
 
 
 def _entries(folder: str, root: str) -> list[os.DirEntry[str]] | None:
@@ -331,8 +331,8 @@ def _entries(folder: str, root: str) -> list[os.DirEntry[str]] | None:
     and folders that have just disappeared. Raises other OSErrors.
     """
     try:
-        with os.scandir(folder) as found:
-            entries = sorted(found, key=lambda entry: entry.name)
+        with os.scandir(folder) as iterator:
+            entries = sorted(iterator, key=lambda entry: entry.name)
     except (FileNotFoundError, NotADirectoryError):
         return None
     names = {entry.name for entry in entries}
@@ -347,7 +347,7 @@ def _walk(root: str, excluded: Collection[str] = ()) -> list[tuple[str, os.stat_
 
     Paths of folders end with '/'.
     """
-    found: list[tuple[str, os.stat_result, bool]] = []
+    visited: list[tuple[str, os.stat_result, bool]] = []
 
     def look_into(folder: str, ancestors: tuple[str, ...], itself: os.stat_result | None = None) -> None:
         """Enter a folder below the root and link targets, which are not entered again."""
@@ -356,7 +356,7 @@ def _walk(root: str, excluded: Collection[str] = ()) -> list[tuple[str, os.stat_
             return
         has, via_link = {entry.name for entry in entries}.__contains__, len(ancestors) > 1
         if itself is not None:
-            found.append((f"{folder}/", itself, via_link))
+            visited.append((f"{folder}/", itself, via_link))
         for entry in entries:
             name = entry.name
             is_folder = entry.is_dir(follow_symlinks=False)
@@ -371,7 +371,7 @@ def _walk(root: str, excluded: Collection[str] = ()) -> list[tuple[str, os.stat_
             if is_folder:
                 look_into(entry.path, ancestors, status)
                 continue
-            found.append((entry.path, status, via_link))
+            visited.append((entry.path, status, via_link))
             if entry.is_symlink() and os.path.isdir(entry.path):
                 target = os.path.realpath(entry.path)
                 # A link to a folder that contains the link would be followed endlessly.
@@ -379,7 +379,7 @@ def _walk(root: str, excluded: Collection[str] = ()) -> list[tuple[str, os.stat_
                     look_into(entry.path, (*ancestors, target), _status(target, follow=True))
 
     look_into(root, (root,))
-    return found
+    return visited
 
 
 def _stats(path: str, status: os.stat_result | None) -> str:
@@ -425,16 +425,16 @@ def _listing(folder: str) -> list[str]:
 
     Listing a folder also returns these kinds. Devices are excluded.
     """
-    found = []
+    names = []
     with os.scandir(folder) as entries:
         for entry in entries:
             if entry.is_symlink():
-                found.append(f"{entry.name}/@")
+                names.append(f"{entry.name}/@")
             elif entry.is_dir():
-                found.append(f"{entry.name}/")
+                names.append(f"{entry.name}/")
             elif entry.is_file() or not folder.startswith("/dev/"):
-                found.append(entry.name)
-    return sorted(found)
+                names.append(entry.name)
+    return sorted(names)
 
 
 def _target(path: str, table: FileTable) -> str:

@@ -83,11 +83,11 @@ class NativeGraph:
 
     def users(self) -> Mapping[str, list[Edge]]:
         """Return the edges that have a path as an input, by the path."""
-        found: dict[str, list[Edge]] = defaultdict(list)
+        by_input: dict[str, list[Edge]] = defaultdict(list)
         for edge in self.edges:
             for path in self.inputs_of(edge):
-                found[path].append(edge)
-        return found
+                by_input[path].append(edge)
+        return by_input
 
     def known(self) -> frozenset[str]:
         """Return every path that is an input of some edge."""
@@ -130,8 +130,8 @@ def cmake_edge(build: Path) -> Edge:
     """Return the edge of build.ninja that reruns CMake, or an empty one, without reading the whole graph."""
     rules = _text(build / "build.ninja").replace("$\n", "")
     # CMake 4.4 adds cmake_install.cmake to the outputs.
-    found = re.search(r"^build (build\.ninja(?: .*)?: RERUN_CMAKE .*)", rules, re.MULTILINE)
-    return _edge(build, found[1], "") if found else Edge("", (), (), "")
+    match = re.search(r"^build (build\.ninja(?: .*)?: RERUN_CMAKE .*)", rules, re.MULTILINE)
+    return _edge(build, match[1], "") if match else Edge("", (), (), "")
 
 
 def _ninja_graph(folder: Path, build: Path, rules: str) -> NativeGraph:
@@ -165,17 +165,17 @@ def _ninja_edges(build: str, rules: str) -> tuple[Edge, ...]:
     """Return the build statements of a build.ninja, with their bindings as text."""
     head = ""
     text: list[str] = []
-    found: list[Edge] = []
+    edges: list[Edge] = []
     for line in rules.replace("$\n", "").splitlines():
         if line.startswith("build "):
             if head:
-                found.append(_edge(build, head, "\n".join(text)))
+                edges.append(_edge(build, head, "\n".join(text)))
             head, text = line[6:], []
         elif head and line.startswith("  "):
             text.append(line)
     if head:
-        found.append(_edge(build, head, "\n".join(text)))
-    return tuple(found)
+        edges.append(_edge(build, head, "\n".join(text)))
+    return tuple(edges)
 
 
 def _edge(build: str | Path, head: str, text: str) -> Edge:
@@ -235,9 +235,9 @@ def reported_inputs(build: Path, graph: NativeGraph, inside: Sequence[Path]) -> 
     """
     own = tuple(f"{path}{os.sep}" for path in inside)
     cmakes = cmake_root(build)
-    found = {*graph.known(), *graph.read_by_cmake, *_read_by_backend(build, inside)}
+    paths = {*graph.known(), *graph.read_by_cmake, *_read_by_backend(build, inside)}
     return frozenset(
-        path for path in found if not path.startswith(own) and not (cmakes and path.startswith(cmakes))
+        path for path in paths if not path.startswith(own) and not (cmakes and path.startswith(cmakes))
     )
 
 

@@ -135,9 +135,9 @@ def _with_path_maps(context: BuildContext) -> tuple[tuple[str, ...], Pairs]:
     CMake takes the initial flags of a language from the environment, unless an argument sets them.
     """
     parsed = tuple(cmake_arguments(context.cmake_args))
-    found, env = [list(argument.words) for argument in parsed], []
+    word_lists, env = [list(argument.words) for argument in parsed], []
     setting = {
-        each.definition[0]: words for each, words in zip(parsed, found, strict=True) if each.definition
+        each.definition[0]: words for each, words in zip(parsed, word_lists, strict=True) if each.definition
     }
     for language, maps in context.path_maps:
         if words := setting.get(f"CMAKE_{language}_FLAGS"):
@@ -146,7 +146,7 @@ def _with_path_maps(context: BuildContext) -> tuple[tuple[str, ...], Pairs]:
             variable = FLAGS[language]
             flags = dict(context.flags).get(language, "")
             env.append((variable, f"{flags} {maps}".strip()))
-    return tuple(chain.from_iterable(found)), tuple(env)
+    return tuple(chain.from_iterable(word_lists)), tuple(env)
 
 
 FLAGS = {"C": "CFLAGS", "CXX": "CXXFLAGS"}

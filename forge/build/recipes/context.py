@@ -82,12 +82,12 @@ class BuildContext:
         Embedded packages compile nothing, so options that only affect compilation are removed for them.
         """
         if package.embedded:
-            kept = (
+            word_lists = (
                 argument.words
                 for argument in cmake_arguments(self.cmake_args)
                 if not (argument.definition and re.fullmatch(_COMPILING, argument.definition[0]))
             )
-            arguments = tuple(chain.from_iterable(kept))
+            arguments = tuple(chain.from_iterable(word_lists))
             return replace(self, cmake_args=arguments, ament_cmake_args=(), test_results=None, path_maps=())
         arguments = (*self.cmake_args, *package.option_values("cmake-args"))
         if package.build_type == "ament_cmake":

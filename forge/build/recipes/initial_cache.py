@@ -39,8 +39,8 @@ def initial_cache(context: BuildContext, manifest: Path, further: Pairs = ()) ->
     must be configured again.
     """
     python = quoted(str(context.python))
-    found = _PYTHON_VERSION.search(context.site_packages)
-    version = found[1] if found else ""
+    match = _PYTHON_VERSION.search(context.site_packages)
+    version = match[1] if match else ""
     targets = ("python", "cpp", *(("c",) if is_installed(TARGETS, "c") else ()), "idl", "json")
     launchers = launcher_variables(context.launcher)
     entries = (

@@ -69,5 +69,5 @@ def ctest_configuration(build: Path) -> str:
     if not has_ctests(build):
         return ""
     match = _BUILD_TYPE.search(text_or_nothing(build / "CMakeCache.txt"))
-    known = {"Debug", "MinSizeRel", "RelWithDebInfo"}
-    return match[1] if match and match[1] in known else "Release"
+    configurations = {"Debug", "MinSizeRel", "RelWithDebInfo"}
+    return match[1] if match and match[1] in configurations else "Release"

@@ -198,13 +198,13 @@ def link_to_sources(options: WheelInstall, output: str, installed: Iterable[Path
     sources: dict[str, list[Path]] = {}
     for path in map(Path, source_files(str(options.source))):
         sources.setdefault(path.name, []).append(path)
-    made: dict[str, str] = {}
+    origins: dict[str, str] = {}
     for source, target in _COPYING.findall(output):
         if " -> " not in target:
-            whole = os.path.normpath(options.source / source)
-            made[os.path.normpath(options.source / target / os.path.basename(whole))] = whole  # noqa: PTH119
+            origin = os.path.normpath(options.source / source)
+            origins[os.path.normpath(options.source / target / os.path.basename(origin))] = origin  # noqa: PTH119
     start = f"{options.prefix}{os.sep}"
-    copies = {Path(target): Path(_first(target, made)) for target in made if target.startswith(start)}
+    copies = {Path(target): Path(_first(target, origins)) for target in origins if target.startswith(start)}
     for path in installed:
         if path.is_symlink():
             continue
