@@ -167,11 +167,11 @@ class BuildOptions:
         if not self.has_timings:
             return self.report.reporters()
         start: Any
-        found: dict[str, Start] = {}
+        starts: dict[str, Start] = {}
         for name, start in self.report.reporters("timings").items():
             own = {"wanted": self.timings or "", "compared": self._compared} if name == "timings" else {}
-            found[name] = partial(start, **own)
-        return found
+            starts[name] = partial(start, **own)
+        return starts
 
     @property
     def _compared(self) -> Path | None:

@@ -199,13 +199,13 @@ def _workers(
     context = build.context
     with ExitStack() as stack:
         has_rosidl = GENERATORS not in context.embedded
-        found = dict(stack.enter_context(build.mode.worker(plan, library, has_rosidl=has_rosidl)))
+        environment = dict(stack.enter_context(build.mode.worker(plan, library, has_rosidl=has_rosidl)))
         if context.recipes and compiles:
             packages = [task.package for task in plan.tasks.values()]
             variables, compilers = without_secrets(build.variables), _compilers(build)
             for extension in active_extensions(context):
-                found |= stack.enter_context(extension.running(packages, context, variables, compilers))
-        yield found
+                environment |= stack.enter_context(extension.running(packages, context, variables, compilers))
+        yield environment
 
 
 def _session(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> AbstractContextManager[Session]:

@@ -60,21 +60,21 @@ def configured(
     options and invalid values are reported on stderr and ignored. Raises WorkspaceError for malformed files,
     SelectionError for unknown profiles and mixins.
     """
-    known = {
+    by_name = {
         option[2:]: action for action in actions for option in action.option_strings if option[:2] == "--"
     }
-    has_profiles = known.pop("profile", None) is not None
+    has_profiles = by_name.pop("profile", None) is not None
     values: dict[str, Any] = {}
     if verb in _AGREE_WITH_BUILD:
-        shared = known.keys() - _OF_ONE_COMMAND
+        shared = by_name.keys() - _OF_ONE_COMMAND
         for path, options in option_files("build", given, root, variables, shared):
             agreed = {key: value for key, value in options.items() if key in shared}
-            values.update(_checked((path, agreed), known, "build"))
+            values.update(_checked((path, agreed), by_name, "build"))
     of_profile: Mapping[str, Any] = {}
     # Those commands take the folders of the profile from the tables of `forge build`.
-    folders = () if verb in _AGREE_WITH_BUILD else known.keys()
+    folders = () if verb in _AGREE_WITH_BUILD else by_name.keys()
     for source in option_files(verb, given, root, variables, folders):
-        of_profile = _checked(source, known, verb)
+        of_profile = _checked(source, by_name, verb)
         values.update(of_profile)
     if has_profiles and (name := setting("PROFILE", variables)):
         values["profile"] = name
@@ -90,7 +90,7 @@ def configured(
         plugin = find(OPTIONS, "mixin", "option")
         mixins = plugin.read_mixins(plugin.mixin_folders(variables), wanted.get("mixin_files") or ())
         source = Path("mixin " + ", ".join(names)), plugin.combined(names, verb, mixins)
-        for dest, value in _checked(source, known, verb).items():
+        for dest, value in _checked(source, by_name, verb).items():
             typed, in_files = given.get(dest), values.get(dest)
             if dest in given:
                 if isinstance(value, list) and isinstance(typed, list):
@@ -111,11 +111,11 @@ def configured(
 def misspelt_tables(root: Path, commands: Iterable[str]) -> Iterator[Problem]:
     """Yield the tables of forge.toml that no command reads because a command's name is misspelled."""
     content, path = read_forge_toml(root), root / FORGE_TOML
-    known = {*commands, "packages", "profiles"}
+    tables = {*commands, "packages", "profiles"}
     profiles = table_of(content, "profiles", path)
     for name, table in (("", content), *((f"profiles.{name}.", each) for name, each in profiles.items())):
         for key, value in table.items() if isinstance(table, dict) else ():
-            near = did_you_mean(key, known) if isinstance(value, dict) and key not in known else None
+            near = did_you_mean(key, tables) if isinstance(value, dict) and key not in tables else None
             if near:
                 yield Problem(f"no command reads the table [{name}{key}]", Location(path), near)
 

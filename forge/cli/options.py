@@ -102,7 +102,7 @@ def _argument(declared: Field[Any], each: Option) -> Mapping[str, Any]:
     listed = isinstance(default, tuple)
     if isinstance(default, tuple):
         default = list(default) if each.combine is tuple else []
-    found = {
+    keywords = {
         "default": default,
         "action": _Accumulate if each.accumulates else "append" if each.repeats else None,
         "nargs": each.nargs or ("*" if listed and not each.repeats else None),
@@ -112,7 +112,7 @@ def _argument(declared: Field[Any], each: Option) -> Mapping[str, Any]:
         "type": _argument_type(each.parse) if each.parse else None,
         "metavar": each.metavar,
     }
-    return {"help": shown, **{name: value for name, value in found.items() if value is not None}}
+    return {"help": shown, **{name: value for name, value in keywords.items() if value is not None}}
 
 
 class _Accumulate(argparse.Action):

@@ -201,26 +201,26 @@ def _with_packages_of_underlays(
     resolution = loaded.resolution
     others = closure(resolution.needs, names) - frozenset(names)
     prefixes = find_underlays(variables, layout.install).prefixes if others else ()
-    found = {
+    substitutes = {
         name: prefix
         for name in sorted(others)
         if not (layout.prefix(name) / "share" / name / "package.sh").is_file()
         for prefix in prefixes[::-1]
         if any((prefix / index / name).is_file() for index in (PACKAGES, INDEX / "packages"))
     }
-    if not found:
+    if not substitutes:
         return loaded
     warn(
         Problem(
             f"'{name}' of the workspace is not built yet; using the one in '{prefix}'",
-            hint=f"build it too (--packages-up-to), or ignore it: --packages-ignore {' '.join(found)}",
+            hint=f"build it too (--packages-up-to), or ignore it: --packages-ignore {' '.join(substitutes)}",
             group=GroupedProblems(
                 "{} of the workspace are not built yet; using those of the underlays", name
             ),
         )
-        for name, prefix in found.items()
+        for name, prefix in substitutes.items()
     )
-    needs = {name: below.difference(found) for name, below in resolution.needs.items()}
+    needs = {name: below.difference(substitutes) for name, below in resolution.needs.items()}
     return replace(loaded, resolution=replace(resolution, needs=needs))
 
 
@@ -345,11 +345,11 @@ def make_plan(build: PreparedBuild, state: BuildState) -> tuple[BuildPlan, Snaps
     forced = dict.fromkeys(loaded.selection.names, build.options.forced_by)
     plan, hashes = planning.make_plan(build.names, loaded.resolution, snapshot, context, shared, forced)
     # Up-to-date packages whose files another package will overwrite are installed again after it.
-    while found := state.merged_prefix.packages_to_reinstall(plan):
-        changes = dict.fromkeys(found, "a package to be built overwrites one of its files")
+    while reinstalled := state.merged_prefix.packages_to_reinstall(plan):
+        changes = dict.fromkeys(reinstalled, "a package to be built overwrites one of its files")
         snapshot = replace(
             snapshot,
-            installed={**snapshot.installed, **dict.fromkeys(found, Fingerprint())},
+            installed={**snapshot.installed, **dict.fromkeys(reinstalled, Fingerprint())},
             installed_changes={**snapshot.installed_changes, **changes},
         )
         plan, hashes = planning.make_plan(build.names, loaded.resolution, snapshot, context, shared, forced)
@@ -410,9 +410,11 @@ def build_variables(
     own = tidy_prefixes(without_own(surroundings, layout))
     sourced = find_underlays(own, layout.install).chain
     recorded = tuple(dict.fromkeys((*install_state.recorded_underlays(layout.install), *locked)))
-    known = rosdistro or own.get(VARIABLE) or _recorded_rosdistro((*recorded, *sourced), layout.install)
+    distribution = (
+        rosdistro or own.get(VARIABLE) or _recorded_rosdistro((*recorded, *sourced), layout.install)
+    )
     defaults = {**ROS_DEFAULTS, "COLCON": "1", "CMAKE_POLICY_VERSION_MINIMUM": OLDEST_POLICY}
-    variables = {**defaults, **own, **({VARIABLE: known} if known else {})}
+    variables = {**defaults, **own, **({VARIABLE: distribution} if distribution else {})}
     real = {root.resolve() for root in sourced}
     forgotten = [root for root in recorded if root.resolve() not in real and root.is_dir()]
     incomplete = [root for root in sourced if lacks_modules(root, variables)]
@@ -444,9 +446,9 @@ def without_own(variables: Mapping[str, str], layout: Layout) -> dict[str, str]:
     for name, value in variables.items():
         if any(path in value for path in roots):
             entries = value.split(os.pathsep)
-            kept = [entry for entry in entries if not f"{entry}/".startswith(below)]
-            if kept:
-                cleaned[name] = os.pathsep.join(kept)
+            remaining = [entry for entry in entries if not f"{entry}/".startswith(below)]
+            if remaining:
+                cleaned[name] = os.pathsep.join(remaining)
             else:
                 del cleaned[name]
     return cleaned

@@ -70,8 +70,10 @@ def _instead(argument: str, options: frozenset[str]) -> str | None:
     if word[0] in _DASHES:
         name = word.lstrip(f"-{_DASHES}")
         meant = f"-{name}" if len(name) == 1 else f"--{name}"
-        known = meant if meant in options else (_instead(meant, options) or "").partition("'")[2].rstrip("'?")
-        return f"'{word[0]}' is not '-': write '{known or meant}'"
+        correction = (
+            meant if meant in options else (_instead(meant, options) or "").partition("'")[2].rstrip("'?")
+        )
+        return f"'{word[0]}' is not '-': write '{correction or meant}'"
     if not word.startswith("-"):
         return f"to select packages: '{_SELECT} {word}'" if _SELECT in options else None
     if word.startswith("-D") and _CMAKE_ARGS in options:

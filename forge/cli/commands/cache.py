@@ -123,16 +123,16 @@ def _verify(options: _Options) -> int:
     Corrupt entries of the package cache are already removed.
     """
     with _opened(options) as store:
-        found = verify(store)
-    for path, why in found.corrupt:
+        result = verify(store)
+    for path, why in result.corrupt:
         print(f"removed {path.relative_to(store.folder)}: {why}")
-    print(f"read {_shown(found.size)} in {found.files} files; {len(found.corrupt)} corrupt")
+    print(f"read {_shown(result.size)} in {result.files} files; {len(result.corrupt)} corrupt")
     faults = [
         fault for name, plugin in _plugins(options.cache) for fault in call(name, plugin.verify, os.environ)
     ]
     for path, why in faults:
         print(f"{path}: {why}")
-    return int(bool(found.corrupt or faults))
+    return int(bool(result.corrupt or faults))
 
 
 def _plugins(folder: str | None = None) -> Iterator[tuple[str, Any]]:

@@ -99,13 +99,13 @@ def run(options: Options) -> int:
     if options.what == "workspace" and not names:
         _report_rest(cleaning.remaining_entries(layout, options.base_select), options)
     else:
-        kept = (
+        remaining = (
             entry
             for removable in removables
             if removable.prefix
             for entry in cleaning.remaining_in_prefix(removable.prefix)
         )
-        _report_rest(kept, options)
+        _report_rest(remaining, options)
         # forge's setup scripts name the packages; colcon's search the folder.
         if python := recorded_state(layout.install).python:
             finish_workspace(layout, (), Path(python))
@@ -119,7 +119,7 @@ def _removables(
 ) -> list[cleaning.Removable]:
     if options.what in {None, "workspace"}:
         return list(cleaning.workspace_removables(root, layout, journal.records, options.base_select))
-    return [found for name in names for found in cleaning.package_removables(name, layout, journal.records)]
+    return [each for name in names for each in cleaning.package_removables(name, layout, journal.records)]
 
 
 def _preview(options: Options, removables: Sequence[cleaning.Removable], stale: Sequence[str]) -> None:
@@ -148,7 +148,7 @@ def _names(options: Options, root: Path, layout: Layout, journal: Journal) -> tu
 
     Raises SelectionError for invalid combinations of arguments.
     """
-    made = cleaning.built_packages(layout, journal.records)
+    built_names = cleaning.built_packages(layout, journal.records)
     query = options.query
     unlimited = Query(search=query.search, build_base=query.build_base, since=query.since)
     chosen = query != replace(unlimited, no_test_dependencies=query.no_test_dependencies, origin=query.origin)
@@ -159,10 +159,10 @@ def _names(options: Options, root: Path, layout: Layout, journal: Journal) -> tu
     if options.what == "workspace":
         others = sorted(cleaning.packages_of_others(root, layout, journal.records))
         _report_others(others)
-        return tuple(sorted(made.difference(others))) if others else ()
+        return tuple(sorted(built_names.difference(others))) if others else ()
     if options.what != "packages":
         packages = _load(options, root, layout).packages
-        absent = sorted(made - packages.keys())
+        absent = sorted(built_names - packages.keys())
         stale = [name for name in absent if cleaning.is_of_workspace(name, root, layout, journal.records)]
         _report_others([name for name in absent if name not in stale])
         taken = {str(root / package.path) for package in packages.values()}
@@ -182,9 +182,9 @@ def _names(options: Options, root: Path, layout: Layout, journal: Journal) -> tu
         )
     raise_if_any(
         (
-            Problem(f"package '{name}' was never built here", hint=did_you_mean(name, made))
+            Problem(f"package '{name}' was never built here", hint=did_you_mean(name, built_names))
             for name in options.names
-            if name not in made
+            if name not in built_names
         ),
         SelectionError,
     )
@@ -221,8 +221,8 @@ def _displayed(path: Path, options: Options) -> str:
 
 
 def _report_rest(entries: Iterable[tuple[Path, str]], options: Options) -> None:
-    found = list(entries)
-    for path, reason in found[:_MOST]:
+    remaining = list(entries)
+    for path, reason in remaining[:_MOST]:
         print(f"not removed, because {reason}: {_displayed(path, options)}", file=sys.stderr)
-    if len(found) > _MOST:
-        print(f"not removed: {len(found) - _MOST} more", file=sys.stderr)
+    if len(remaining) > _MOST:
+        print(f"not removed: {len(remaining) - _MOST} more", file=sys.stderr)

@@ -95,8 +95,8 @@ def _surroundings(options: Options) -> dict[str, Any]:
     chain = find_underlays(build_variables(layout, os.environ), layout.install).chain
     python = None
     try:
-        found = workspace_interpreter(None, layout, root)
-        python = {"path": str(found.path), "version": found.release, "origin": found.origin}
+        interpreter = workspace_interpreter(None, layout, root)
+        python = {"path": str(interpreter.path), "version": interpreter.release, "origin": interpreter.origin}
     except HostError as fault:
         print_warnings(fault.problems)
     install = root / options.install_base
@@ -114,13 +114,13 @@ def _requested(loaded: LoadedWorkspace, names: tuple[str, ...]) -> list[Package]
 
     Unknown names are a warning if others are known. Raises SelectionError if no package is left.
     """
-    known = {package.name for package in loaded.packages.values()}
+    package_names = {package.name for package in loaded.packages.values()}
     unknown = [
-        Problem(f"package '{name}' is not in the workspace", hint=did_you_mean(name, known))
+        Problem(f"package '{name}' is not in the workspace", hint=did_you_mean(name, package_names))
         for name in names
-        if name not in known
+        if name not in package_names
     ]
-    if not known:
+    if not package_names:
         hint = "change to the root of the workspace, the folder that contains 'src'"
         raise SelectionError(Problem(f"no packages found below '{loaded.workspace.root}'", hint=hint))
     if names and len(unknown) == len(names):

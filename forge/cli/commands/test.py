@@ -296,8 +296,8 @@ def _report_results(
     has_failed = options.return_code_on_test_failure and bool(report.failed_tests or report.not_tested)
     code = report.exit_code or int(failed or has_failed or (options.fail_if_no_tests and report.no_test_ran))
     for name in setup.context.chosen:
-        found = running.total_counts([plan.tasks[name]], setup) if name in ended else None
-        if name in ended and not (found and found.tests):
+        package_counts = running.total_counts([plan.tasks[name]], setup) if name in ended else None
+        if name in ended and not (package_counts and package_counts.tests):
             hint = f"all tests of the package: {setup.context.layout.command(f'test {name}')}"
             print_problem(Problem(f"no test of '{name}' has such a name", hint=hint))
             code = code or 2

@@ -49,16 +49,16 @@ def run(options: Options) -> int:
         command = forge_command("test", options.profile)
         hint = f"run '{command}' first, or name the folder with '--test-result-base'"
         raise WorkspaceError(Problem(f"the folder '{base}' does not exist", hint=hint))
-    found = collect(base)
+    collection = collect(base)
     if options.delete or options.delete_yes:
-        return _delete(found, base, options)
+        return _delete(collection, base, options)
     gone = _gone(base)
-    counted = [one for one in found.outcomes if _package_of(one.path, base) not in gone]
-    ignored = {_package_of(one.path, base) for one in found.outcomes} & gone
+    counted = [one for one in collection.outcomes if _package_of(one.path, base) not in gone]
+    ignored = {_package_of(one.path, base) for one in collection.outcomes} & gone
     for name in sorted(ignored):
         message = f"ignoring results of '{name}', which is no longer in the workspace"
         print_problem(Problem(message, hint=forge_command("clean stale", options.profile)), "warning")
-    for problem in found.problems:
+    for problem in collection.problems:
         if problem.location and _package_of(str(problem.location.path), base) not in gone:
             print_problem(problem)
     named = [replace(one, path=shared.displayed(one.path, options.origin)) for one in counted]
@@ -70,7 +70,7 @@ def run(options: Options) -> int:
     elif options.result_files_only:
         print(*(outcome.path for outcome in shown), sep="\n", end="\n" if shown else "")
     else:
-        if not found.outcomes:
+        if not collection.outcomes:
             command = forge_command("test", options.profile)
             hint = f"run '{command}', or name the folder with '--test-result-base'"
             print_problem(Problem(f"no test results in '{base}'", hint=hint), "warning")

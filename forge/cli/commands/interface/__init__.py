@@ -215,15 +215,15 @@ def _hash(options: _HashOptions) -> int:
             hint = "without --package, arguments are names of types"
             raise ForgeError(Problem("--package accepts only one folder of definitions", hint=hint))
         folder = options.what[0] if options.what else None
-        found = hashes(catalog_of(inputs, folder, library, options.profile))
+        type_hashes = hashes(catalog_of(inputs, folder, library, options.profile))
     else:
-        found = {
+        type_hashes = {
             name: _hash_of(name, library, options.profile) for name in map(parse_type_name, options.what)
         }
     if options.json:
-        print(json.dumps({str(name): text for name, text in found.items()}, indent=1))
+        print(json.dumps({str(name): text for name, text in type_hashes.items()}, indent=1))
     else:
-        for name, text in found.items():
+        for name, text in type_hashes.items():
             print(name, text)
     return 0
 
@@ -245,9 +245,9 @@ def _hash_of(name: TypeName, library: Library, profile: str | None) -> str:
         if parsed:
             below = nested_messages(parsed, library)
             catalog = Catalog(base.package, {base: parsed.interface}, below, {base: parsed.source})
-            found = hashes(catalog).get(name)
-            if found:
-                return found
+            type_hash = hashes(catalog).get(name)
+            if type_hash:
+                return type_hash
     return _missing(name, library, profile)
 
 
@@ -342,15 +342,15 @@ def _generate(options: _GenerateOptions) -> int:
     catalogs = (catalog, *others)
     languages = tuple(dict.fromkeys(options.languages or _DEFAULT_LANGUAGES))
     digests = writing.fingerprints(catalogs, f"{writing.generator_digest()} {library.rosdistro}")
-    found = [
+    parts = [
         part for language in languages for each in catalogs for part in writing.parts(each, language, digests)
     ]
     if not options.no_runtime:
-        found += [
+        parts += [
             writing.Part(language, "run-time files", None, partial(read_runtime, language))
             for language in languages
         ]
-    written = writing.write(found, options.output, catalog.package, state, states)
+    written = writing.write(parts, options.output, catalog.package, state, states)
     keep(writing.ledger_of(catalog.package, options.output), written.ledger)
     if options.depfile:
         sources = [source.path for each in (catalog, *others) for source in each.sources.values()]
@@ -372,17 +372,17 @@ def _others(
     Packages that are generated as a whole into the folder are left out.
     """
     states = {package: state for package, state in found.items() if package != catalog.package}
-    whole = {catalog.package, *states}
+    packages = {catalog.package, *states}
     folders = dict(pair for state in states.values() for pair in state.folders.items())
     library = library_of(options.inputs.others, folders)
     needs = []
     for package, state in states.items():
-        partial = [name for name in state.needs if name.package not in whole]
+        partial = [name for name in state.needs if name.package not in packages]
         if lost := [name for name in partial if library.find(name) is None]:
             message = f"cannot find '{lost[0]}', which '{package}' needs"
             hint = f"generate '{package}' again, or remove '{options.output}'"
             raise InterfaceError(Problem(message, hint=hint))
         needs += partial
     return tuple(
-        other for other in dependency_catalogs(catalog, library, needs) if other.package not in whole
+        other for other in dependency_catalogs(catalog, library, needs) if other.package not in packages
     )

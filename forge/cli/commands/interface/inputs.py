@@ -170,11 +170,11 @@ def catalog_of(
     sources = tuple(read_source(package, Path(base), relative) for base, relative in options.files)
     if folder:
         built = _built_from(package, Path(folder), profile)
-        found = read_folder(package, Path(folder), library.rosdistro, built)
-        print_warnings(contradictions(found))
+        folder_sources = read_folder(package, Path(folder), library.rosdistro, built)
+        print_warnings(contradictions(folder_sources))
         if not built:
-            print_warnings(_warnings_before_a_build(Path(folder) / "CMakeLists.txt", found))
-        sources += found
+            print_warnings(_warnings_before_a_build(Path(folder) / "CMakeLists.txt", folder_sources))
+        sources += folder_sources
     if not sources:
         hint = "name a folder that contains msg, srv or action"
         raise ForgeError(Problem("no interface definitions found", hint=hint))
