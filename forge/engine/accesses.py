@@ -85,14 +85,14 @@ class ObservedCommands:
         self, accesses: Accesses, added: Collection[str], removed: Collection[str], modified: Collection[str]
     ) -> bool:
         """Return True if a command could now see something else; paths of folders end with '/'."""
-        known = accesses.read | accesses.found
+        seen_paths = accesses.read | accesses.found
         return (
             not accesses.read.isdisjoint(modified)
             # The command would rewrite the file, as CMake does with a generated file in the sources.
             or not accesses.written.isdisjoint(modified)
             # A folder stands for its mode, which is copied with it.
-            or any(path[:-1] in known | accesses.listed for path in modified if path.endswith("/"))
-            or any(path.rstrip("/") in known for path in removed)
+            or any(path[:-1] in seen_paths | accesses.listed for path in modified if path.endswith("/"))
+            or any(path.rstrip("/") in seen_paths for path in removed)
             or (
                 bool(accesses.listed)
                 and any(os.path.dirname(path.rstrip("/")) in accesses.listed for path in (*added, *removed))
@@ -153,8 +153,8 @@ def decode_commands(data: Mapping[str, Any]) -> ObservedCommands:
 
     def decoded(coded: list[list[int]]) -> Accesses:
         *sets, outside, blind = coded
-        found = (frozenset(paths[number] for number in numbers) for numbers in sets)
-        return Accesses(**dict(zip(_SETS, found, strict=True)), outside=bool(outside), blind=bool(blind))
+        path_sets = (frozenset(paths[number] for number in numbers) for numbers in sets)
+        return Accesses(**dict(zip(_SETS, path_sets, strict=True)), outside=bool(outside), blind=bool(blind))
 
     configure, rest = (data[name] and decoded(data[name]) for name in ("configure", "rest"))
     edges = {name: decoded(each) for name, each in data["edges"].items()}

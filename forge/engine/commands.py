@@ -231,12 +231,12 @@ class Folders:
         Processes in `copying` only copy the files that they read.
         """
         processes = tuple(processes)
-        kept = [path for path in seen.written if os.path.lexists(path) and not CACHED_BYTECODE.match(path)]
-        kept += [
+        outputs = [path for path in seen.written if os.path.lexists(path) and not CACHED_BYTECODE.match(path)]
+        outputs += [
             f"{path}/" for path in seen.folders if os.path.isdir(path) and not path.endswith("/__pycache__")
         ]
-        kept = [path for path in kept if not path.startswith(self._private)]
-        written = self.paths(kept)
+        outputs = [path for path in outputs if not path.startswith(self._private)]
+        written = self.paths(outputs)
         scanned = frozenset(path for process in processes for path in self._scanned(process))
         read = seen.read - seen.written | set(filter(self._is_untouched, seen.read & seen.written))
         external = {
@@ -250,7 +250,7 @@ class Folders:
         used = (path.rpartition("/") for path in chain(seen.missing, seen.found, seen.executed, read))
         asked = {f"{PROGRAM}{name}" for folder, _, name in used if folder in self._path}
         asked.update(f"{LIBRARY}{os.path.basename(path)}" for path in seen.loaded)
-        asked.update(f"{OUTPUT}{path}" for path in kept if self._is_in_another_package(path))
+        asked.update(f"{OUTPUT}{path}" for path in outputs if self._is_in_another_package(path))
         # For modules elsewhere, the location in which Python finds them is compared.
         modules = {
             (tuple(entry for entry in entries if self._is_external(f"{entry}/")), name)
@@ -279,7 +279,7 @@ class Folders:
             | self.about_processor(compiling),
             kept=written & self.paths(by_ledger[True] - by_ledger[False]) if seen.ledgers else frozenset(),
             ledgers=frozenset(f"{digest} {path}" for digest, path in ledgers),
-            outside=len(written) < len(kept) or any(not path.startswith(self._build) for path in written),
+            outside=len(written) < len(outputs) or any(not path.startswith(self._build) for path in written),
             blind=bool(seen.blind),
         )
 
@@ -366,8 +366,8 @@ class Folders:
         """Return the names of the distributions in a folder whose metadata has a file."""
         if folder not in self._metadata:
             with contextlib.suppress(OSError):
-                found = (f"{folder}/{name}" for name in os.listdir(folder))
-                self._metadata[folder] = tuple(path for path in found if _METADATA.match(path))
+                entries = (f"{folder}/{name}" for name in os.listdir(folder))
+                self._metadata[folder] = tuple(path for path in entries if _METADATA.match(path))
         paths = self._metadata.get(folder, ())
         return frozenset(_distribution(path) for path in paths if os.path.isfile(f"{path}{file}"))
 
@@ -439,13 +439,13 @@ class Folders:
 
     def _mentioned_by(self, process: Process) -> frozenset[str]:
         """Return the variables that a process may have read from a copy of its environment."""
-        found = [mentioned(process.command)] if any(map(copies_environment, process.programs)) else []
-        found += map(of_interpreter, process.programs)
+        name_sets = [mentioned(process.command)] if any(map(copies_environment, process.programs)) else []
+        name_sets += map(of_interpreter, process.programs)
         for number, kind, path in process.records:
             program = process.program_at(number) if kind == "R" else ""
             if program and copies_environment(program) and self._is_script(path):
-                found.append(self._mentioned(path, program))
-        return frozenset[str]().union(*found)
+                name_sets.append(self._mentioned(path, program))
+        return frozenset[str]().union(*name_sets)
 
     def _look_for_script(self, path: str) -> bool:
         """Return whether a file belongs to a package, not to a Python environment in the workspace."""
@@ -467,7 +467,7 @@ def is_for_this_processor(text: str) -> bool:
     if not any(word in text for word in _NATIVE_WORDS):
         return False
     beginnings = (
-        text[text.rfind("\n", 0, found.start()) + 1 : found.start()] for found in _NATIVE.finditer(text)
+        text[text.rfind("\n", 0, match.start()) + 1 : match.start()] for match in _NATIVE.finditer(text)
     )
     return not all(beginning.lstrip().startswith(("#", "//")) for beginning in beginnings)
 

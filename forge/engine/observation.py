@@ -98,10 +98,10 @@ class Process:
 
     def family(self) -> list[Process]:
         """Return the process and all its descendants."""
-        found = [self]
-        for process in found:
-            found += process.children
-        return found
+        processes = [self]
+        for process in processes:
+            processes += process.children
+        return processes
 
 
 @frozen
@@ -242,7 +242,7 @@ A build needs them several times.
 
 
 def _decoded(content: bytes) -> list[tuple[int, int, str, str]]:
-    found: list[tuple[int, int, str, str]] = []
+    records: list[tuple[int, int, str, str]] = []
     encoding, letters = sys.getfilesystemencoding(), [chr(number) for number in range(256)]
     at = 0
     while at + _CHUNK.size <= len(content):
@@ -258,11 +258,11 @@ def _decoded(content: bytes) -> list[tuple[int, int, str, str]]:
                 break
             start = at + _RECORD.size
             word = content[start : content.index(0, start)].decode(encoding, "surrogateescape")
-            found.append((order, pid, letters[letter], word))
+            records.append((order, pid, letters[letter], word))
             at += size
         at = limit
-    found.sort()
-    return found
+    records.sort()
+    return records
 
 
 def observe(processes: Iterable[Process], blind: tuple[str, ...] = ()) -> Observation:

@@ -52,13 +52,13 @@ def compile_library(folder: Path, variables: Mapping[str, str]) -> Path | None:
 
 def observed(variables: Mapping[str, str], library: Path | None, log: Path) -> dict[str, str]:
     """Return the environment that makes the library, if any, write to a log."""
-    found = {**variables, LOG_VARIABLE: str(log)}
+    environment = {**variables, LOG_VARIABLE: str(log)}
     if library is not None:
-        found["LD_PRELOAD"] = " ".join(filter(None, (variables.get("LD_PRELOAD"), str(library))))
+        environment["LD_PRELOAD"] = " ".join(filter(None, (variables.get("LD_PRELOAD"), str(library))))
         # Otherwise, programs built with AddressSanitizer require that no library precedes theirs.
         options = (variables.get("ASAN_OPTIONS"), "verify_asan_link_order=0")
-        found["ASAN_OPTIONS"] = ":".join(filter(None, options))
-    return found
+        environment["ASAN_OPTIONS"] = ":".join(filter(None, options))
+    return environment
 
 
 def run_observed(
@@ -87,5 +87,5 @@ def run_observed(
         output, errors = process.communicate()
     step = read_log(log, frozenset({process.pid}))
     end_log(log)
-    found = folders.accesses(observe(step.processes, step.blind), step.processes)
-    return subprocess.CompletedProcess(argv, process.returncode, output, errors), found
+    accesses = folders.accesses(observe(step.processes, step.blind), step.processes)
+    return subprocess.CompletedProcess(argv, process.returncode, output, errors), accesses

@@ -92,8 +92,8 @@ class World:
             return processor(text_or_nothing(CPU_INFO))
         if question.startswith(PROGRAM):
             name = question.removeprefix(PROGRAM)
-            found = self._lookup.identity(name) if name in self._lookup.names else ""
-            return found.rsplit(" ", 2)[0]
+            identity = self._lookup.identity(name) if name in self._lookup.names else ""
+            return identity.rsplit(" ", 2)[0]
         if question.startswith(LIBRARY):
             return self._library_folders.get(question.removeprefix(LIBRARY), "")
         if question.startswith(MODULES):
@@ -101,7 +101,7 @@ class World:
             folders = tuple(path.split(os.pathsep))
             places = [self._modules.found(folders, name) for name in names.split(",")]
             # Use positions instead of paths, so that the answer is the same in workspaces elsewhere.
-            where = [[f"{_position(place, folders)} {file}" for place, file in found] for found in places]
+            where = [[f"{_position(place, folders)} {file}" for place, file in each] for each in places]
             return digest("\n".join(map(os.pathsep.join, (*where, *map(self._modules.more, folders)))))
         if question.startswith(KIND):
             return _kind(question.removeprefix(KIND))
@@ -111,12 +111,12 @@ class World:
     @cached_property
     def _library_folders(self) -> Mapping[str, str]:
         """The folder of LD_LIBRARY_PATH in which the dynamic linker finds each name first."""
-        found: dict[str, str] = {}
+        folders: dict[str, str] = {}
         for folder in filter(None, self.value("LD_LIBRARY_PATH").split(os.pathsep)):
             with contextlib.suppress(OSError):
                 for name in os.listdir(folder):
-                    found.setdefault(name, folder)
-        return found
+                    folders.setdefault(name, folder)
+        return folders
 
 
 class Scripts:
@@ -192,14 +192,14 @@ class ModuleSearch:
             folders = tuple(
                 f"{place}/{parent.rpartition('.')[2]}" for place, _ in self.found(folders, parent)
             )
-        found = []
+        locations = []
         for folder in folders:
             file = self._file(folder, name)
             if file is not None:
-                found.append((folder, file))
+                locations.append((folder, file))
             if file:
                 break
-        return tuple(found)
+        return tuple(locations)
 
     def more(self, folder: str) -> tuple[str, ...]:
         """Return the names of the files in a folder that add folders to Python's search path."""
@@ -211,9 +211,9 @@ class ModuleSearch:
         if not entries:
             return None
         if (folder, name) not in self._files:
-            found = (self._kind(f"{folder}/{entry}", entry[len(name) + 1 :]) for entry in entries)
+            files = (self._kind(f"{folder}/{entry}", entry[len(name) + 1 :]) for entry in entries)
             self._files[folder, name] = max(
-                (file for file in found if file is not None), key=_precedence, default=None
+                (file for file in files if file is not None), key=_precedence, default=None
             )
         return self._files[folder, name]
 
