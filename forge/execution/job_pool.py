@@ -145,22 +145,22 @@ class JobPool:
 
         A step that is `alone` runs one job.
         """
-        found = without_job_variables(variables)
+        environment = without_job_variables(variables)
         tool = "ninja" if (step.cwd / "build.ninja").is_file() else "make"
-        if step.tests_at_once and PARALLEL_TESTS not in found and not alone:
+        if step.tests_at_once and PARALLEL_TESTS not in environment and not alone:
             with self._share(step.tests_at_once) as jobs:
-                yield {**self._without_jobserver(found, 1), PARALLEL_TESTS: str(jobs)}, ()
+                yield {**self._without_jobserver(environment, 1), PARALLEL_TESTS: str(jobs)}, ()
         elif alone or step.kind is not StepKind.BUILD:
-            yield self._without_jobserver(found, 1), ()
+            yield self._without_jobserver(environment, 1), ()
         elif self._pool is not None and tool in self._jobserver_tools:
-            found["MAKEFLAGS"] = self._flags.line(self.jobs, self._pool.auth)
-            yield found, self._pool.descriptors
+            environment["MAKEFLAGS"] = self._flags.line(self.jobs, self._pool.auth)
+            yield environment, self._pool.descriptors
         else:
             with self._share() as jobs:
-                found = self._without_jobserver(found, jobs)
+                environment = self._without_jobserver(environment, jobs)
                 if Path(step.argv[0]).name == "make":
-                    found["MAKEFLAGS"] = self._flags.line(jobs)
-                yield found, ()
+                    environment["MAKEFLAGS"] = self._flags.line(jobs)
+                yield environment, ()
 
     def stop(self) -> None:
         with self._changed:
@@ -325,12 +325,12 @@ def _styles(context: BuildContext, variables: Mapping[str, str]) -> dict[str, fr
         stored = json.loads(file.read_bytes())["styles"]
         return {name: frozenset(styles) for name, styles in stored[identity].items()}
     tools = {"ninja": context.ninja, "make": context.make}
-    found = {name: supported_styles(name, tool, variables) for name, tool in tools.items() if tool}
+    supported = {name: supported_styles(name, tool, variables) for name, tool in tools.items() if tool}
     others = [*stored.items()][-_MAX_STORED_STYLES + 1 :] if isinstance(stored, dict) else []
-    styles = {name: sorted(of_tool) for name, of_tool in found.items()}
+    styles = {name: sorted(of_tool) for name, of_tool in supported.items()}
     with contextlib.suppress(OSError):  # read-only cache folder
         write_if_changed(file, json.dumps({"styles": {**dict(others), identity: styles}}))
-    return found
+    return supported
 
 
 def open_test_job_pool(options: JobOptions, variables: Mapping[str, str]) -> JobPool:

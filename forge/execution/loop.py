@@ -237,8 +237,8 @@ def _weights(
     `dependents` is in topological order. A task of unknown duration counts as the median; if no duration is
     known, all paths have length 0.
     """
-    known = sorted(seconds[name] for name in dependents if name in seconds)
-    typical = known[len(known) // 2] if known else 0.0
+    durations = sorted(seconds[name] for name in dependents if name in seconds)
+    typical = durations[len(durations) // 2] if durations else 0.0
     backwards = [*dependents][::-1]
     waiting = closures(dependents, backwards)
     chain: dict[str, float] = {}

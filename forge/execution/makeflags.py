@@ -71,10 +71,10 @@ def _jobs_or_load(flag: str, *, first: bool) -> tuple[str, str, str] | None:
     letters = flag[1:] if dash else flag
     if not (dash or first) or not _LETTERS.fullmatch(letters):
         return None
-    found = re.fullmatch(r"([A-Za-z]*?)([jl])(\d+(?:\.\d+)?)?", letters)
-    if not found:
+    match = re.fullmatch(r"([A-Za-z]*?)([jl])(\d+(?:\.\d+)?)?", letters)
+    if not match:
         return None
-    letters, letter, number = found.groups()
+    letters, letter, number = match.groups()
     return (("-" if dash and letters else "") + letters, letter, number or "")
 
 

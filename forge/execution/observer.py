@@ -44,11 +44,11 @@ class Observer:
     library: Path | None
 
     def variables(self, task: Task, variables: Mapping[str, str]) -> Mapping[str, str]:
-        found = {
+        environment = {
             **observed(variables, self.library, written_log(task.name, self.layout)),
             LINKS_VARIABLE: str(guarded_links(task.name, self.layout)),
         }
-        return {**found, STAGE_VARIABLE: str(task.stage)} if task.stage else found
+        return {**environment, STAGE_VARIABLE: str(task.stage)} if task.stage else environment
 
     def note_process(self, variables: Mapping[str, str], process: int, step: Step) -> None:
         if self.library is not None and str(self.library) in variables.get("LD_PRELOAD", ""):

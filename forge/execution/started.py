@@ -87,16 +87,18 @@ class StartedProcesses:
         With `gently`, send SIGTERM first and SIGKILL after a while.
         """
         begun = time.monotonic()
-        found: set[tuple[int, int]] = set()
+        identities: set[tuple[int, int]] = set()
         terminated: set[tuple[int, int]] = set()
         # Read them each time: the workers of a killed forge also record processes.
         while (recorded := self._read()) and time.monotonic() < begun + _TIMEOUT_SECONDS:
             table = _all()
-            known = [process for process in table.values() if (process.number, process.started) in found]
-            living = _with_descendants((*known, *_noted_processes(table, recorded, self._build)), table)
+            earlier = [
+                process for process in table.values() if (process.number, process.started) in identities
+            ]
+            living = _with_descendants((*earlier, *_noted_processes(table, recorded, self._build)), table)
             if not living:
                 return
-            found = {(process.number, process.started) for process in living}
+            identities = {(process.number, process.started) for process in living}
             kill = not gently or time.monotonic() > begun + _GENTLE_SECONDS
             for process in living:
                 if kill:
@@ -217,14 +219,14 @@ def _with_descendants(processes: Iterable[Process], table: Mapping[int, Process]
     children: dict[int, list[Process]] = {}
     for process in table.values():
         children.setdefault(process.parent, []).append(process)
-    found: dict[int, Process] = {}
+    by_number: dict[int, Process] = {}
     waiting = list(processes)
     while waiting:
         process = waiting.pop()
-        if process.number not in found and process.number not in protected:
-            found[process.number] = process
+        if process.number not in by_number and process.number not in protected:
+            by_number[process.number] = process
             waiting += children.get(process.number, ())
-    return [process for process in found.values() if not process.ended]
+    return [process for process in by_number.values() if not process.ended]
 
 
 def _send(process: Process, number: signal.Signals) -> None:

@@ -104,15 +104,15 @@ class TaskSetup(TaskLifecycle):
 
     def environment(self, task: Task) -> Mapping[str, str]:
         below = ((need, self.layout.prefix(need)) for need in task.needs)
-        found = build_environment(below, self.variables)
-        found[BUILD_FOLDER_VARIABLE] = str(self.layout.build)
-        found["FORGE_COMMAND"] = shlex.join(own_command())
+        environment = build_environment(below, self.variables)
+        environment[BUILD_FOLDER_VARIABLE] = str(self.layout.build)
+        environment["FORGE_COMMAND"] = shlex.join(own_command())
         # CMake does not read AMENT_PREFIX_PATH, which contains the underlays.
-        paths = found.get("CMAKE_PREFIX_PATH", "").split(os.pathsep)
+        paths = environment.get("CMAKE_PREFIX_PATH", "").split(os.pathsep)
         paths += self.variables.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-        found["CMAKE_PREFIX_PATH"] = os.pathsep.join(dict.fromkeys(filter(None, paths)))
-        found = {**self._config_variables(task), **found}
-        return {name: value for name, value in found.items() if value or name in self.variables}
+        environment["CMAKE_PREFIX_PATH"] = os.pathsep.join(dict.fromkeys(filter(None, paths)))
+        environment = {**self._config_variables(task), **environment}
+        return {name: value for name, value in environment.items() if value or name in self.variables}
 
     def _config_variables(self, task: Task) -> dict[str, str]:
         """Return the variables that save CMake the search in the prefixes of all dependencies."""
@@ -140,17 +140,17 @@ class TaskSetup(TaskLifecycle):
         state, build, inputs = self.state, task.build_dir, task.inputs
         source, records = str(state.source(task)), state.journal.records
         last = last_record(build)
-        found, sources = fingerprint_tree(source, state.table)
+        fingerprint, sources = fingerprint_tree(source, state.table)
         pairs = map("=".join, (*inputs.tools, *inputs.environment, *set_by_needs))
         # Outputs of other targets, or with other permissions, would remain in the folder.
-        whole = (option for option in inputs.options if option.startswith((TARGET, UMASK)))
+        base_options = (option for option in inputs.options if option.startswith((TARGET, UMASK)))
         needs = ((need, records.get(need)) for need in task.needs)
         record = FolderRecord(
-            base=digest_strings(inputs.forge, os.path.realpath(source), *pairs, *whole),
+            base=digest_strings(inputs.forge, os.path.realpath(source), *pairs, *base_options),
             shape=digest_strings(*inputs.options, inputs.underlays),
             needs={need: each.installed.digest if each else UNKNOWN for need, each in needs},
             sources=sources,
-            unplanned=found.digest != task.sources.digest,
+            unplanned=fingerprint.digest != task.sources.digest,
         )
         from_empty = task.from_empty or self.audit is not None
         reuse, record = prepare_build_dir(
@@ -215,27 +215,27 @@ class TaskSetup(TaskLifecycle):
 
     def restore(self, task: Task) -> BuildRecord | None:
         """Install the cached result of a task; return None and change nothing if there is none."""
-        found = self.cache.find(task) if self.cache else None
-        if found is None or self.cache is None:
+        cached_tree = self.cache.find(task) if self.cache else None
+        if cached_tree is None or self.cache is None:
             return None
-        with closing(found), self._alone:
+        with closing(cached_tree), self._alone:
             self._back_up(task)
-            paths = [f"{task.prefix}/{leaf.path}" for leaf in found.tree.leaves]
+            paths = [f"{task.prefix}/{leaf.path}" for leaf in cached_tree.tree.leaves]
             exchange = PrefixExchange(task.name, self.layout)
             raise_if_any(exchange.in_the_way(paths), WorkspaceError)
             exchange.announce(paths)
-            files, empty = self.cache.restore(task, found)
+            files, empty = self.cache.restore(task, cached_tree)
             staging.forget_sources(task)
             set_file_times(task, files, self.layout, self.state.table, restored=True)
             installed = InstalledFiles(files, empty)
             # The build folder does not belong to the record: the next build starts from empty.
             record = replace(
-                self._record(task, installed, found.externals, found.external),
-                seconds=found.tree.seconds,
-                tree=found.tree.digest,
+                self._record(task, installed, cached_tree.externals, cached_tree.external),
+                seconds=cached_tree.tree.seconds,
+                tree=cached_tree.tree.digest,
             )
             if tests_need_build(task.package):
-                has_tests = found.tree.has_tests
+                has_tests = cached_tree.tree.has_tests
                 variables = changed_variables(self.environment(task)) if has_tests else ()
                 defer_build(task, variables, has_tests=has_tests)
             self._commit(task)
@@ -260,8 +260,8 @@ class TaskSetup(TaskLifecycle):
         observed = self._record_commands(task)
         with self._alone:
             if task.stage:
-                installed, kept = staging.commit(task, self.layout)
-                self.kept.extend(kept)
+                installed, problems = staging.commit(task, self.layout)
+                self.kept.extend(problems)
             else:
                 installed = installation.installed_files(task.package, self.layout, task.earlier)
             staging.note_installed(task, installed, observed=is_observed)
@@ -289,10 +289,10 @@ class TaskSetup(TaskLifecycle):
         is_named = any(map(is_for_this_processor, (*task.inputs.options, *values)))
         if is_named or not observed.all or any(each.blind for each in observed.all):
             asked.append(PROCESSOR)
-        found = tuple(sorted(reported.union(asked, *(each.external for each in every))))
+        external_inputs = tuple(sorted(reported.union(asked, *(each.external for each in every))))
         read = graph.known().union(*(each.read for each in observed.all))
-        found = (*found, *self._undeclared(task, read, declared))
-        externals = contents_of(found, self.state.table)
+        external_inputs = (*external_inputs, *self._undeclared(task, read, declared))
+        externals = contents_of(external_inputs, self.state.table)
         last, begun = self._begun.pop(task.name)
         written = frozenset[str]().union(*(each.written for each in observed.all))
         source = self.state.source(task)
@@ -341,12 +341,12 @@ class TaskSetup(TaskLifecycle):
         with self._alone:
             remove_stale(task, files, self.layout, state.journal.records)
         state.scripts.end(task.name, files)
-        known, again = state.journal.records.get(task.name), None
-        if known and installed.written is not None:
-            then = state.installed_states.contents(task.name, known.installed.digest)
+        previous, again = state.journal.records.get(task.name), None
+        if previous and installed.written is not None:
+            then = state.installed_states.contents(task.name, previous.installed.digest)
             again = fingerprint_again(paths, state.table, then, installed.written)
-        found, contents = again or fingerprint_files(paths, state.table)
-        state.installed_states.keep(task.name, found.digest, contents)
+        fingerprint, contents = again or fingerprint_files(paths, state.table)
+        state.installed_states.keep(task.name, fingerprint.digest, contents)
         own = {path: contents[path] for path in files}
         unclaimed, root = installed.unclaimed, str(state.root)
         write_installed_list(task.name, self.layout, own, installed.folders, unclaimed, root)
@@ -354,7 +354,7 @@ class TaskSetup(TaskLifecycle):
             inputs=task.inputs,
             complete=True,
             sources=task.sources,
-            installed=found,
+            installed=fingerprint,
             files=files,
             folders=installed.folders,
             externals=externals,
@@ -371,8 +371,8 @@ class TaskSetup(TaskLifecycle):
         # Python reads the metadata of all distributions in search of plugins.
         near = [path for path in near if not _METADATA.search(path)]
         names = (task.name, *task.needs) if layout.merged and near else ()
-        known = {path for name in names if name in records for path in records[name].files}
-        rest = sorted(path for path in near if path not in known and os.path.isfile(path))  # noqa: PTH113
+        declared_files = {path for name in names if name in records for path in records[name].files}
+        rest = sorted(path for path in near if path not in declared_files and os.path.isfile(path))  # noqa: PTH113
         owned = frozenset[str]().union(*(record.files for record in records.values())) if rest else ()
         for path in rest:
             if path in owned or (path.startswith(build) and path[len(build) :].partition("/")[0] in records):
