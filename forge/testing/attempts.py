@@ -92,9 +92,9 @@ def complete_results(attempts: Sequence[Attempt]) -> None:
             tree = ET.parse(io.BytesIO(content))  # noqa: S314  (results of tests that have just run here)
             tests = tree.find("Testing")
             if tests is not None:
-                known = {test.findtext("Name") for test in tests.iter("Test")}
+                names = {test.findtext("Name") for test in tests.iter("Test")}
                 for attempt in reversed(earlier):
-                    _add_tests(tests, known, attempt.files.get(path, b""))
+                    _add_tests(tests, names, attempt.files.get(path, b""))
             for attempt in earlier:
                 _add_failures(tree.getroot(), path, attempt, last)
             text = ET.tostring(tree.getroot(), encoding="utf-8", xml_declaration=True)

@@ -46,8 +46,8 @@ def selector(case: Case, package: str, kind: StepKind, exists: Callable[[str], b
     """Return the arguments with which pytest or unittest runs one test."""
     parts = case.suite.split(".") if case.suite else []
     if kind is StepKind.UNITTEST:
-        whole = not case.suite or " " in case.name or "_FailedTest" in case.suite
-        return () if whole else (f"{case.suite}.{case.name}",)
+        needs_all = not case.suite or " " in case.name or "_FailedTest" in case.suite
+        return () if needs_all else (f"{case.suite}.{case.name}",)
     if parts[:1] == [package]:
         parts = parts[1:]
     for length in range(len(parts), 0, -1):
@@ -68,18 +68,18 @@ class NamedTests:
 def parse_names(words: Iterable[str]) -> NamedTests:
     """Return the packages and tests that words such as 'PACKAGE' and 'PACKAGE::TEST' name."""
     cases: dict[str, tuple[str, ...]] = {}
-    whole = []
+    packages = []
     for word in words:
         package, separator, case = word.partition(SEPARATOR)
         if not separator:
-            whole.append(package)
+            packages.append(package)
         elif not (package and case):
             hint = f"write PACKAGE{SEPARATOR}TEST, as the summary of 'forge test' prints them"
             raise SelectionError(Problem(f"'{word}' does not name a test", hint=hint))
         else:
             cases[package] = (*cases.get(package, ()), case)
-    cases = {name: found for name, found in cases.items() if name not in whole}
-    return NamedTests(tuple(dict.fromkeys((*whole, *cases))), cases)
+    cases = {name: tests for name, tests in cases.items() if name not in packages}
+    return NamedTests(tuple(dict.fromkeys((*packages, *cases))), cases)
 
 
 def choose(
@@ -92,25 +92,29 @@ def choose(
         return ChosenTests(cargo_args=names)
     programs = _ctest_names(context, package, variables)
     results = context.results_of(package.name) / "test_results" / package.name
-    known = [*test_ids(results)] if set(names) - set(programs) else []
+    recorded_cases = [*test_ids(results)] if set(names) - set(programs) else []
     chosen: list[tuple[str, Case | None, str]] = []
     for name in names:
-        found = [(test, case, path) for test, case, path in known if name in _names(test, case, package.name)]
-        if not found and _IN_GTEST.fullmatch(name):
+        matches = [
+            (test, case, path)
+            for test, case, path in recorded_cases
+            if name in _names(test, case, package.name)
+        ]
+        if not matches and _IN_GTEST.fullmatch(name):
             # The last run may have left out this test of a program.
             suite, _, test = name.rpartition(".")
-            gtests = {(program, path) for program, _, path in known if path.endswith(".gtest.xml")}
+            gtests = {(program, path) for program, _, path in recorded_cases if path.endswith(".gtest.xml")}
             # Names of tests with parameters and types have further parts.
             cases = Case(test, suite), Case(f"{test}/*", f"*/{suite}"), Case(test, f"{suite}/*")
-            found = [(program, case, path) for program, path in sorted(gtests) for case in cases]
+            matches = [(program, case, path) for program, path in sorted(gtests) for case in cases]
         if name in programs:
             chosen.append((name, None, ""))
-        elif found:
-            chosen += found
+        elif matches:
+            chosen += matches
         else:
-            labels = (label(case, package.name) for _, case, _ in known)
+            labels = (label(case, package.name) for _, case, _ in recorded_cases)
             hint = did_you_mean(name, (*programs, *labels)) or f"its tests are {listed(programs)}"
-            if not known and programs and "did you mean" not in hint:
+            if not recorded_cases and programs and "did you mean" not in hint:
                 hint += "; tests inside of these programs are known after their first run"
             raise SelectionError(Problem(f"'{package.name}' has no test '{name}'", hint=hint))
     return _of_cmake(package.name, chosen)
@@ -170,8 +174,8 @@ def _of_python(
             continue
         *keyword, node = selector(case, package.name, StepKind.PYTEST, exists)
         file = node.partition(SEPARATOR)[0]
-        whole = if_missing_all and not keyword and name not in text_or_nothing(source / file)
-        nodes.append(file if whole else node)
+        needs_all = if_missing_all and not keyword and name not in text_or_nothing(source / file)
+        nodes.append(file if needs_all else node)
         by_names |= bool(keyword)
     # pytest combines file and name filters, so if the file of one test is unknown, all are selected by name
     # only.
@@ -189,11 +193,11 @@ def _of_cmake(package: str, chosen: Iterable[tuple[str, Case | None, str]]) -> C
     """
     chosen = list(chosen)
     names = "|".join(re.escape(name) for name in dict.fromkeys(name for name, _, _ in chosen))
-    found = [dict(variables_for(path, case, package)) if case else {} for _, case, path in chosen]
+    variable_sets = [dict(variables_for(path, case, package)) if case else {} for _, case, path in chosen]
     variables: list[tuple[str, str]] = []
-    if all(found) and len({name for each in found for name in each}) == 1:
-        (variable,) = found[0]
-        values = list(dict.fromkeys(each[variable] for each in found))
+    if all(variable_sets) and len({name for each in variable_sets for name in each}) == 1:
+        (variable,) = variable_sets[0]
+        values = list(dict.fromkeys(each[variable] for each in variable_sets))
         if variable == "GTEST_FILTER":
             variables.append((variable, ":".join(values)))
         else:

@@ -49,20 +49,20 @@ def collect(base: Path) -> Collection:
     problems: list[Problem] = []
     expected: set[str] = set()
     denied: list[OSError] = []
-    for found in _candidates(base, denied):
-        files += [found.tag] if found.tag else []
+    for candidate in _candidates(base, denied):
+        files += [candidate.tag] if candidate.tag else []
         try:
-            outcomes.append(_read(found))
+            outcomes.append(_read(candidate))
         except NotAResultError:
             continue
         except WorkspaceError as error:
             problems += error.problems
             reason = "; ".join(problem.message for problem in error.problems)
-            outcomes.append(unreadable(found.path, found.home, reason))
+            outcomes.append(unreadable(candidate.path, candidate.home, reason))
         else:
-            files.append(found.path)
-            if found.expected:
-                expected |= {found.path, found.tag}
+            files.append(candidate.path)
+            if candidate.expected:
+                expected |= {candidate.path, candidate.tag}
     for fault in denied:
         if isinstance(fault, PermissionError):  # the others have been removed meanwhile
             reason = f"cannot read the folder: {fault.strerror}"

@@ -65,13 +65,13 @@ def isolated(
         while not domains and not is_stopped() and _can_bind():
             time.sleep(_SECONDS)
             domains = list(_reserve(stack, 1))
-        found = dict(variables)
+        environment = dict(variables)
         if domains:
-            found[DOMAIN] = str(domains[0])
+            environment[DOMAIN] = str(domains[0])
         if step.tests_at_once:
-            found[PARALLEL_TESTS] = str(min(jobs, max(1, len(domains))))
-            found[DOMAINS_VARIABLE] = ";".join(map(str, domains))
-        yield found
+            environment[PARALLEL_TESTS] = str(min(jobs, max(1, len(domains))))
+            environment[DOMAINS_VARIABLE] = ";".join(map(str, domains))
+        yield environment
 
 
 def _reserve(stack: contextlib.ExitStack, count: int) -> Iterator[int]:

@@ -301,8 +301,8 @@ def location_of(case: Case, folders: Sequence[Path]) -> tuple[str, int] | None:
     The first one is usually in the test itself, the last one in a function that it called.
     """
     texts = (*case.errors, *case.failures, case.text)
-    found = [(m[1] or m[3], m[2] or m[4]) for text in texts for m in _IN_TEXT.finditer(text)]
-    for file, line in (*found, (case.file, case.line)):
+    locations = [(m[1] or m[3], m[2] or m[4]) for text in texts for m in _IN_TEXT.finditer(text)]
+    for file, line in (*locations, (case.file, case.line)):
         for folder in folders if file and line.isdecimal() else ():
             if (path := folder / file.strip()).is_file():
                 return os.path.normpath(path), int(line)

@@ -95,7 +95,7 @@ def absent_problems(
     Raises WorkspaceError if no package can be tested.
     """
     underlays = find_underlays(variables, layout.install)
-    found = {}
+    problems = {}
     for name, wanted in needs.items():
         absent = [
             need
@@ -107,14 +107,14 @@ def absent_problems(
             absent = [name] if name in absent else absent
             verb = "is" if len(absent) == 1 else "are"
             message = f"'{name}' cannot be tested: {quoted_names(absent)} {verb} not built"
-            found[name] = Problem(message, hint=layout.command(f"build --packages-up-to {name}"))
-    if found and len(found) == len(needs):
-        if len(found) == 1:
-            raise WorkspaceError(*found.values())
-        message = f"no package can be tested: {listed(tuple(found))} or their dependencies are not built"
+            problems[name] = Problem(message, hint=layout.command(f"build --packages-up-to {name}"))
+    if problems and len(problems) == len(needs):
+        if len(problems) == 1:
+            raise WorkspaceError(*problems.values())
+        message = f"no package can be tested: {listed(tuple(problems))} or their dependencies are not built"
         hint = f"run '{layout.command('build')}' first, with the same options to select packages"
         raise WorkspaceError(Problem(message, hint=hint))
-    return found
+    return problems
 
 
 def built_without_tests(names: Sequence[str], loaded: LoadedWorkspace, layout: Layout) -> tuple[Problem, ...]:
@@ -157,8 +157,8 @@ def changed_since_build(
             message = f"the last build of '{name}' failed or was stopped, so that tests use outdated files"
             many = "the last builds of {} failed or were stopped, so that tests use outdated files"
         else:
-            found, sources = fingerprint_tree(home, table, record.sources)
-            if found.digest == record.sources.digest:
+            fingerprint, sources = fingerprint_tree(home, table, record.sources)
+            if fingerprint.digest == record.sources.digest:
                 continue
             last = read_record(layout.build_dir(name)) if record.began else None
             what = changed_sources(home, sources, last, table)
@@ -315,7 +315,7 @@ def not_runnable(
 
     `ran` is the plan of the attempt to build them.
     """
-    restored, found = _restored(names, loaded, layout), {}
+    restored, problems = _restored(names, loaded, layout), {}
     records = open_journal(layout.build).records
     for name in names:
         build, message = layout.build_dir(name), ""
@@ -345,8 +345,8 @@ def not_runnable(
             group = GroupedProblems(
                 f"{{}} cannot be tested: {message}", name, hint and layout.command("build --force")
             )
-            found[name] = Problem(f"'{name}' cannot be tested: {message}", hint=hint or None, group=group)
-    return found
+            problems[name] = Problem(f"'{name}' cannot be tested: {message}", hint=hint or None, group=group)
+    return problems
 
 
 def _restored(names: Sequence[str], loaded: LoadedWorkspace, layout: Layout) -> frozenset[str]:

@@ -98,8 +98,8 @@ class TestSetup(TaskLifecycle):
         self, task: Task, step: Step, variables: Mapping[str, str], is_stopped: Callable[[], bool]
     ) -> Iterator[Mapping[str, str]]:
         """Yield the environment of a step; record its results afterwards if the tests may be repeated."""
-        with isolated(step, variables, is_stopped) as found:
-            yield found
+        with isolated(step, variables, is_stopped) as environment:
+            yield environment
         if self.context.options.retest_until_pass:
             self.attempts.setdefault(task.name, []).append(read_attempt(task.name, self._found(task)))
 
@@ -108,16 +108,16 @@ class TestSetup(TaskLifecycle):
 
     def _found(self, task: Task) -> tuple[Outcome, ...]:
         folder, before = self.context.results_of(task.name), self.before.get(task.name, {})
-        found = list(collect(folder).outcomes)
+        outcomes = list(collect(folder).outcomes)
         if folder != task.build_dir:
             # CTest's own results were copied from there.
             ctest = str(task.build_dir / "Testing")
-            found += [one for one in collect(task.build_dir).outcomes if not one.path.startswith(ctest)]
+            outcomes += [one for one in collect(task.build_dir).outcomes if not one.path.startswith(ctest)]
         own = {str(self._own(task)), str(self.context.not_run(task.name))}
         runs_ctest = task.steps[-1].kind is StepKind.CTEST
         return tuple(
             one
-            for one in found
+            for one in outcomes
             if one.path in own or (runs_ctest and before.get(one.path) != _state(one.path))
         )
 
@@ -146,11 +146,11 @@ class TestSetup(TaskLifecycle):
         if self.context.options.test_result_base is not None:
             mark_result_dir(self.context.results_of(task.name))
         for path in task.clean:  # names may be glob patterns
-            for found in path.parent.glob(path.name) if path.parent.is_dir() else ():
-                if found.is_dir() and not found.is_symlink():
-                    delete_tree(found)
+            for entry in path.parent.glob(path.name) if path.parent.is_dir() else ():
+                if entry.is_dir() and not entry.is_symlink():
+                    delete_tree(entry)
                 else:
-                    found.unlink()
+                    entry.unlink()
         self.before[task.name] = self._states(task)
         if self.cached and task.steps:
             self.cached.begin(task, environment)
@@ -178,10 +178,10 @@ class TestSetup(TaskLifecycle):
     def environment(self, task: Task) -> Mapping[str, str]:
         layout = self.context.layout
         below = [(need, layout.prefix(need)) for need in self.needs[task.name]]
-        found = build_environment(below, self.variables)
+        environment = build_environment(below, self.variables)
         # Do not create __pycache__ in the source folder.
-        own = {"PYTHONDONTWRITEBYTECODE": "1", **discovery(found)}
-        return {**own, **found, BUILD_FOLDER_VARIABLE: str(layout.build)}
+        own = {"PYTHONDONTWRITEBYTECODE": "1", **discovery(environment)}
+        return {**own, **environment, BUILD_FOLDER_VARIABLE: str(layout.build)}
 
     def install(self, task: Task) -> BuildRecord:
         self.undo(task)
@@ -278,9 +278,9 @@ def failures_of(task: Task, setup: TestSetup, displayed: Callable[[Path], str] =
         for case in outcome.cases:
             words = selector(case, task.name, step.kind, exists)
             # If there is no result or no way to select a single test, repeat the whole run.
-            whole = step.kind is StepKind.TEST or case.name.endswith(".missing_result")
+            needs_all = step.kind is StepKind.TEST or case.name.endswith(".missing_result")
             single = replace(step, argv=(step.argv[0], "-m", step.kind.value, *words), env=())
-            repeat = step if whole or outcome.is_unreadable else single
+            repeat = step if needs_all or outcome.is_unreadable else single
             yield _failure(task, label(case, task.name), [case], first_lines([case]), repeat, displayed)
 
 
