@@ -124,17 +124,21 @@ class Audit:
         lines += (
             f"{name}: {what}; its inputs are unknown" for name in names for what in self.unobserved[name]
         )
-        guilty = [name for name in names if self.findings[name]]
-        blind = sum(bool(self.unobserved[name]) for name in names)
-        if guilty:
-            number = sum(len(self.findings[name]) for name in guilty)
-            reads = "reads" if len(guilty) == 1 else "read"
-            of_them = f"{len(guilty)} of {counted(len(names), 'package')} {reads} {counted(number, 'file')}"
+        incomplete = [name for name in names if self.findings[name]]
+        unobserved_count = sum(bool(self.unobserved[name]) for name in names)
+        if incomplete:
+            number = sum(len(self.findings[name]) for name in incomplete)
+            reads = "reads" if len(incomplete) == 1 else "read"
+            of_them = (
+                f"{len(incomplete)} of {counted(len(names), 'package')} {reads} {counted(number, 'file')}"
+            )
             summary = f"audit: {of_them} without declaring {'it' if number == 1 else 'them'}"
         else:
             summary = f"audit: {counted(len(names), 'package')}, no undeclared inputs"
-        lines.append(summary + (f"; {blind} could not be observed completely" if blind else ""))
-        return tuple(lines), not guilty
+        lines.append(
+            summary + (f"; {unobserved_count} could not be observed completely" if unobserved_count else "")
+        )
+        return tuple(lines), not incomplete
 
     def provider(self, path: str, owners: Mapping[str, str]) -> tuple[str, str]:
         """Return the package that a real path belongs to, and its kind of location.
@@ -314,9 +318,9 @@ def _tools(context: BuildContext, variables: Mapping[str, str]) -> Iterator[str]
     yield from {sys.prefix, sys.base_prefix, *interpreters} - {"/", str(home)}
     for entry in filter(None, variables.get("PATH", "").split(os.pathsep)):
         folder = Path(entry)
-        beside = folder.parent if folder.name in {"bin", "sbin"} else folder
-        if len(beside.parts) > 1 and beside not in {home, context.root}:
-            yield str(beside)
+        prefix = folder.parent if folder.name in {"bin", "sbin"} else folder
+        if len(prefix.parts) > 1 and prefix not in {home, context.root}:
+            yield str(prefix)
     yield from (str(path) for path in home.glob(".*") if not context.root.is_relative_to(path))
 
 

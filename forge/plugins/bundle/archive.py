@@ -37,10 +37,12 @@ def write_bundle(install: Path, output: Path, *, build_files: bool, name: str = 
         for path in _walk(install, "")
         if build_files or not for_building(path if merged else path.partition("/")[2])
     ]
-    lost = [path for path in members if not (install / path).exists()]
-    if lost:
+    dangling_links = [path for path in members if not (install / path).exists()]
+    if dangling_links:
         hint = "the linked files no longer exist; build again"
-        raise WorkspaceError(*(Problem(f"dangling link '{install / path}'", hint=hint) for path in lost))
+        raise WorkspaceError(
+            *(Problem(f"dangling link '{install / path}'", hint=hint) for path in dangling_links)
+        )
     if not output.parent.is_dir():
         what = "is not a folder" if os.path.lexists(output.parent) else "does not exist"
         hint = "create it, or choose another file with '--output'"

@@ -229,11 +229,11 @@ class CachedTests:
         if task.name not in self._ended:
             return
         run, steps = self._ended.pop(task.name)
-        done = _ObservedRun(task, run, steps, self._results_of(task.name))
+        observed_run = _ObservedRun(task, run, steps, self._results_of(task.name))
         outcomes = tuple(outcomes)
         results = tuple(sorted(outcome.path for outcome in outcomes))
-        inputs = contents_of(sorted({*done.inputs()}), self._table) if passed else {}
-        outputs = contents_of(sorted({*done.outputs(), *results}), self._table)
+        inputs = contents_of(sorted({*observed_run.inputs()}), self._table) if passed else {}
+        outputs = contents_of(sorted({*observed_run.outputs(), *results}), self._table)
         if not passed:
             unfit = "they failed"
         elif not self._library:
@@ -241,8 +241,8 @@ class CachedTests:
         elif all(outcome.counts.tests == outcome.counts.skipped for outcome in outcomes):
             unfit = "no test ran"
         else:
-            unfit = next(done.obstacles(inputs), "")
-        created = tuple(sorted(done.created()))
+            unfit = next(observed_run.obstacles(inputs), "")
+        created = tuple(sorted(observed_run.created()))
         self._write(task, TestRecord(run.declared, inputs, outputs, results, created, unfit))
 
     def note_replay(self, task: Task, record: TestRecord, outcomes: Iterable[Outcome]) -> None:

@@ -86,8 +86,8 @@ def toolchain(
     version = b""
     if rustc := find_program("rustc", variables):
         argv = (str(rustc), "-vV")
-        ran = subprocess.run(argv, cwd=context.root, env=dict(variables), capture_output=True, check=False)
-        version = ran.stdout
+        result = subprocess.run(argv, cwd=context.root, env=dict(variables), capture_output=True, check=False)
+        version = result.stdout
     relevant = (
         f"{name}={variables[name]}"
         for name in sorted(variables)

@@ -152,8 +152,8 @@ def _recorded(folder: Path, output: str, clang: str) -> tuple[list[str], str] | 
     with contextlib.suppress(*_INVALID):
         for entry in json.loads((folder / "compile_commands.json").read_bytes()):
             words = shlex.split(entry["command"])
-            given = [*_values(words, "-o")]
-            if given and os.path.normpath(Path(entry["directory"], given[0])) == output:
+            output_paths = [*_values(words, "-o")]
+            if output_paths and os.path.normpath(Path(entry["directory"], output_paths[0])) == output:
                 return [*for_clang(words, clang)], entry["directory"]
     return None
 
@@ -186,7 +186,7 @@ def _traced(
     # Ignore warnings and options that only GCC knows; the generated code is not used.
     quiet = ("-w", "-Qunused-arguments", "-Wno-unknown-warning-option", "-O0")
     with contextlib.suppress(subprocess.TimeoutExpired, *_INVALID):
-        ran = subprocess.run(
+        result = subprocess.run(
             [*command[0], *quiet, "-ftime-trace", "-c", "-o", str(output)],
             cwd=command[1],
             env=variables,
@@ -197,7 +197,7 @@ def _traced(
             check=False,
         )
         output.unlink(missing_ok=True)
-        if ran.returncode:
+        if result.returncode:
             return None
         events: list[Mapping[str, Any]] = json.loads(output.with_suffix(".json").read_bytes())["traceEvents"]
         return events

@@ -74,12 +74,12 @@ def lay_out(needs: Mapping[str, Sequence[str]], sizes: Mapping[str, tuple[float,
 
     Nodes without edges are placed in rows below the others.
     """
-    used = {need for dependencies in needs.values() for need in dependencies}
-    alone = [name for name in needs if not needs[name] and name not in used]
-    tied = {name: needs[name] for name in needs if needs[name] or name in used}
-    graph = _layered(tied)
+    needed = {need for dependencies in needs.values() for need in dependencies}
+    isolated = [name for name in needs if not needs[name] and name not in needed]
+    connected = {name: needs[name] for name in needs if needs[name] or name in needed}
+    graph = _layered(connected)
     columns = _with_few_crossings(graph)
-    return _beneath(_drawn(columns, _levels(columns, graph, sizes), graph, tied, sizes), alone, sizes)
+    return _beneath(_drawn(columns, _levels(columns, graph, sizes), graph, connected, sizes), isolated, sizes)
 
 
 def _layered(needs: Mapping[str, Sequence[str]]) -> _Graph:
@@ -144,28 +144,28 @@ def _crossings(columns: Columns, right: Ties) -> int:
 
 def _levels(columns: Columns, graph: _Graph, sizes: Mapping[str, tuple[float, float]]) -> dict[Vertex, float]:
     """Return the vertical position of each vertex, close to its neighbours."""
-    heights = {v: sizes[v[0]][1] if graph.is_node(v) else _STAND_IN for v in graph.left}
+    heights = {vertex: sizes[vertex[0]][1] if graph.is_node(vertex) else _STAND_IN for vertex in graph.left}
     weights = {vertex: 1.0 if graph.is_node(vertex) else _STRAIGHT for vertex in graph.left}
     levels: dict[Vertex, float] = {}
     for column in columns:
-        room = sum(heights[vertex] + _GAP for vertex in column)
-        _assign_positions(column, [-room / 2.0] * len(column), heights, weights, levels)
-    for turn in range(_POSITION_PASSES):
-        forward = turn % 2 == 0
-        last = turn >= _POSITION_PASSES - 2
+        column_height = sum(heights[vertex] + _GAP for vertex in column)
+        _assign_positions(column, [-column_height / 2.0] * len(column), heights, weights, levels)
+    for iteration in range(_POSITION_PASSES):
+        forward = iteration % 2 == 0
+        last = iteration >= _POSITION_PASSES - 2
         for column in columns if forward else reversed(columns):
-            wishes = []
+            preferred_levels = []
             for vertex in column:
                 ties = [*graph.left[vertex], *graph.right[vertex]] if last else ()
                 side = ties or (graph.left if forward else graph.right)[vertex]
-                wishes.append(_mean([levels[other] for other in side], levels[vertex]))
-            _assign_positions(column, wishes, heights, weights, levels)
+                preferred_levels.append(_mean([levels[other] for other in side], levels[vertex]))
+            _assign_positions(column, preferred_levels, heights, weights, levels)
     return levels
 
 
 def _assign_positions(
     column: Sequence[Vertex],
-    wishes: Sequence[float],
+    preferred_levels: Sequence[float],
     heights: Mapping[Vertex, float],
     weights: Mapping[Vertex, float],
     levels: dict[Vertex, float],
@@ -180,8 +180,8 @@ def _assign_positions(
         offsets.append(below + heights[vertex] / 2.0)
         below += heights[vertex] + _GAP
     blocks: list[tuple[float, float, int]] = []
-    for vertex, wish, offset in zip(column, wishes, offsets, strict=True):
-        mean, weight, count = wish - offset, weights[vertex], 1
+    for vertex, preferred, offset in zip(column, preferred_levels, offsets, strict=True):
+        mean, weight, count = preferred - offset, weights[vertex], 1
         while blocks and blocks[-1][0] >= mean:
             before, heavy, many = blocks.pop()
             mean = (mean * weight + before * heavy) / (weight + heavy)
@@ -200,17 +200,17 @@ def _drawn(
     sizes: Mapping[str, tuple[float, float]],
 ) -> GraphLayout:
     edges = list(_edges(columns, graph, sizes))
-    top = min((level - _half(v, graph, sizes) for v, level in levels.items()), default=0.0)
-    bottom = max((level + _half(v, graph, sizes) for v, level in levels.items()), default=0.0)
+    top = min((level - _half(vertex, graph, sizes) for vertex, level in levels.items()), default=0.0)
+    bottom = max((level + _half(vertex, graph, sizes) for vertex, level in levels.items()), default=0.0)
     spots = {name: Spot(edges[at][0], levels[name, at] - top, at) for name, at in graph.layer.items()}
 
     def points(name: str, need: str) -> Iterator[tuple[float, float]]:
         start, end = spots[need], spots[name]
         yield start.x + sizes[need][0], start.y
         yield edges[start.layer][1], start.y
-        for between in range(start.layer + 1, end.layer):
-            level = levels[need, between] - top
-            yield from ((edge, level) for edge in edges[between])
+        for layer in range(start.layer + 1, end.layer):
+            level = levels[need, layer] - top
+            yield from ((edge, level) for edge in edges[layer])
         yield end.x, end.y
 
     lines = {(name, need): tuple(points(name, need)) for name in needs for need in needs[name]}
@@ -250,5 +250,5 @@ def _beneath(
     return GraphLayout(spots, layout.lines, width, bottom)
 
 
-def _mean(values: Sequence[float], otherwise: float) -> float:
-    return sum(values) / len(values) if values else otherwise
+def _mean(values: Sequence[float], default: float) -> float:
+    return sum(values) / len(values) if values else default

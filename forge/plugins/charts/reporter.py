@@ -152,7 +152,7 @@ class Timings(Reporter):
     def conclude(self, *, complete: bool) -> Report:
         self._sampler.stop()
         events: list[tuple[str, str | None, Mapping[str, object]]] = [
-            ("Commands", ran.package, ran.members) for ran in self._logs.runs
+            ("Commands", ninja_run.package, ninja_run.members) for ninja_run in self._logs.runs
         ]
         machine = memory()
         if processor_times() is not None and machine is not None:
@@ -163,9 +163,9 @@ class Timings(Reporter):
         if self._clang and complete and self._logs.runs:
             slowest = sorted(
                 (
-                    (self._run.plan.tasks[ran.package].build_dir, command)
-                    for ran in self._logs.runs
-                    for command in ran.commands
+                    (self._run.plan.tasks[ninja_run.package].build_dir, command)
+                    for ninja_run in self._logs.runs
+                    for command in ninja_run.commands
                     if command.kind == COMPILE
                 ),
                 key=lambda item: -item[1].seconds,

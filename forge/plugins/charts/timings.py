@@ -386,9 +386,9 @@ def _remarks(build: Build) -> Iterator[str]:
     reruns = [run for run in build.packages if run.last is not None and run.outcome == FINISHED]
     if reruns:
         now, then = sum(run.seconds for run in reruns), sum(run.last or 0.0 for run in reruns)
-        few = f"{len(reruns)} of them" if len(reruns) < len(build.packages) else "They"
+        subject = f"{len(reruns)} of them" if len(reruns) < len(build.packages) else "They"
         change = f"{duration(abs(now - then))} {'less' if now < then else 'more'}"
-        yield f"{few} took {duration(now)} in total, {change} than in their previous builds."
+        yield f"{subject} took {duration(now)} in total, {change} than in their previous builds."
 
 
 def _change(run: PackageRun) -> tuple[float, str]:

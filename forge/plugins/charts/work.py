@@ -54,9 +54,13 @@ def phases(run: PackageRun) -> dict[str, float]:
     seconds = dict.fromkeys(KINDS, 0.0)
     for step, following in zip_longest(run.steps, run.steps[1:]):
         until = following.begun - _ROUNDED if following else step.ended
-        ninja = [ran for ran in run.ninja if step.begun - _ROUNDED <= ran.commands[0].begun < until]
-        seconds[kind_of(step)] += max(0.0, step.seconds - sum(ran.seconds for ran in ninja))
-        for command in (command for ran in ninja for command in ran.commands):
+        ninja = [
+            ninja_run
+            for ninja_run in run.ninja
+            if step.begun - _ROUNDED <= ninja_run.commands[0].begun < until
+        ]
+        seconds[kind_of(step)] += max(0.0, step.seconds - sum(ninja_run.seconds for ninja_run in ninja))
+        for command in (command for ninja_run in ninja for command in ninja_run.commands):
             seconds[command.kind if command.kind in seconds else GENERATE] += command.seconds
     seconds["waiting"] += max(0.0, run.seconds - sum(step.seconds for step in run.steps))
     return seconds
@@ -68,7 +72,7 @@ def bounds(build: Build) -> Bounds | None:
         return None
     chart: nx.DiGraph[str] = nx.DiGraph()
     for run in build.packages:
-        least = run.seconds - sum(ran.seconds - ran.least for ran in run.ninja)
+        least = run.seconds - sum(ninja_run.seconds - ninja_run.least for ninja_run in run.ninja)
         chart.add_edges_from(((need, run.name) for need in ("", *run.needs)), seconds=max(0.0, least))
     work = sum(sum(phases(run).values()) for run in build.packages)
     return Bounds(work, nx.dag_longest_path_length(chart, "seconds"), build.use.jobs)
@@ -174,8 +178,10 @@ def _changes(now: Mapping[Any, float], then: Mapping[Any, float]) -> Iterator[tu
                 "width": _percent(abs(change), longest),
             },
         )
-    only = sorted((now.keys() ^ then.keys()), key=lambda key: -max(now.get(key, 0.0), then.get(key, 0.0)))
-    for key in only[: _CHANGES - len(common)]:
+    unmatched = sorted(
+        (now.keys() ^ then.keys()), key=lambda key: -max(now.get(key, 0.0), then.get(key, 0.0))
+    )
+    for key in unmatched[: _CHANGES - len(common)]:
         seconds = duration(now.get(key, then.get(key, 0.0)))
         new = key in now
         change_word = "only now" if new else "only then"
@@ -195,14 +201,16 @@ def _by_file(build: Build) -> dict[tuple[str, str], float]:
     return {
         (run.name, command.name): command.seconds
         for run in build.packages
-        for ran in run.ninja
-        for command in ran.commands
+        for ninja_run in run.ninja
+        for command in ninja_run.commands
         if command.kind != CONFIGURE
     }
 
 
 def _slowest(build: Build) -> list[tuple[PackageRun, Command]]:
-    commands = ((run, command) for run in build.packages for ran in run.ninja for command in ran.commands)
+    commands = (
+        (run, command) for run in build.packages for ninja_run in run.ninja for command in ninja_run.commands
+    )
     return sorted(commands, key=lambda item: -item[1].seconds)[:_FILES]
 
 

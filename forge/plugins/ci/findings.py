@@ -159,9 +159,9 @@ class CiReporter(Reporter):
         for folder in (*folders, self.run.root):
             path = Path(os.path.realpath(folder / file))
             if path.is_file() and path.is_relative_to(self._repository):
-                below = path.relative_to(self._repository)
-                generated = any((self._repository / each / IGNORE_MARK).exists() for each in below.parents)
-                return "" if generated else below.as_posix()
+                relative = path.relative_to(self._repository)
+                generated = any((self._repository / each / IGNORE_MARK).exists() for each in relative.parents)
+                return "" if generated else relative.as_posix()
         return ""
 
     @property

@@ -129,7 +129,7 @@ def _sccache_counts(launcher: Path, variables: Mapping[str, str]) -> tuple[int, 
 def _output(argv: list[Path | str], variables: Mapping[str, str]) -> str:
     """Return the output of a program; '' on failure, because statistics must not fail a build."""
     try:
-        done = subprocess.run(
+        result = subprocess.run(
             argv,
             env=dict(variables),
             stdin=subprocess.DEVNULL,
@@ -139,4 +139,4 @@ def _output(argv: list[Path | str], variables: Mapping[str, str]) -> str:
         )
     except (OSError, subprocess.TimeoutExpired):
         return ""
-    return done.stdout.decode(errors="replace")
+    return result.stdout.decode(errors="replace")

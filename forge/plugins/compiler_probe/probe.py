@@ -134,7 +134,7 @@ class Toolchain:
         library, world = (self._observed.library, self._observed.world) if self._observed else (None, None)
         folders = Folders(self._home, (), (), world)
         # Steps cannot remove files from the folder of their log.
-        done, accesses = run_observed(
+        result, accesses = run_observed(
             self._argv, self._home, variables, library, self._home / "observed" / "log", folders
         )
         if self._observed and not accesses.blind:
@@ -143,7 +143,7 @@ class Toolchain:
             inputs = sorted(each for each in accesses.external | accesses.asked if own not in each)
             read = contents_of(inputs, self._observed.table)
             replace_file(self._home / _READ, json.dumps(read).encode())
-        replace_file(self._home / _UNUSED, "\n".join(sorted(unused_variables(done.stderr))).encode())
+        replace_file(self._home / _UNUSED, "\n".join(sorted(unused_variables(result.stderr))).encode())
         replace_file(self._home / _DIGEST, self._digest().encode())
 
     def _is_current(self) -> bool:

@@ -88,7 +88,7 @@ def _context(path: str, parser: argparse.ArgumentParser) -> dict[str, Any]:
     actions = [action for action in parser._actions if action.help != argparse.SUPPRESS]
     verbs = _verbs(parser)
     positionals = [action for action in actions if not action.option_strings and action is not verbs]
-    words = {a.dest: a.help or "" for a in verbs._choices_actions} if verbs else {}
+    words = {choice.dest: choice.help or "" for choice in verbs._choices_actions} if verbs else {}
     if first := _first_words(parser):
         words = dict.fromkeys(first, "")
         # Package names follow only the choice 'packages', as in `clean packages a b`.
@@ -110,7 +110,9 @@ def _context(path: str, parser: argparse.ArgumentParser) -> dict[str, Any]:
 
 
 def _verbs(parser: argparse.ArgumentParser) -> argparse._SubParsersAction[argparse.ArgumentParser] | None:
-    return next((a for a in parser._actions if isinstance(a, argparse._SubParsersAction)), None)
+    return next(
+        (action for action in parser._actions if isinstance(action, argparse._SubParsersAction)), None
+    )
 
 
 def _first_words(parser: argparse.ArgumentParser) -> tuple[str, ...]:
@@ -131,7 +133,7 @@ def _expected(action: argparse.Action, path: str) -> list[str]:
     if not PASSED_ON.isdisjoint(action.option_strings):
         return ["passed", "anything"]
     if action.dest == "event_handlers":
-        return [number, "words", *(f"{name}{'-' if on else '+'}" for name, on in HANDLERS.items())]
+        return [number, "words", *(f"{name}{'-' if enabled else '+'}" for name, enabled in HANDLERS.items())]
     if action.choices:
         return [number, "words", *map(str, action.choices)]
     if action.dest in {"base_paths", "paths"}:

@@ -101,7 +101,9 @@ def _names(words: Sequence[str], variables: Mapping[str, str]) -> Iterator[str]:
         case ["packages", *_]:
             names = package_names(str(find_root(Path.cwd(), Path.home())))
         case ["installed", *_]:
-            names = (name for p in _prefixes(variables) for name in _files(f"{p}/{_INDEX}/packages"))
+            names = (
+                name for prefix in _prefixes(variables) for name in _files(f"{prefix}/{_INDEX}/packages")
+            )
         case ["runnable", *_]:
             from forge.environment.prefixes import PACKAGES, package_prefixes
 

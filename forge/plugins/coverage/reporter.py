@@ -102,8 +102,8 @@ class Coverage(Reporter):
         env = {**self._run.variables, "COVERAGE_FILE": str(build / DATA_FILE)}
         output = ""
         for command in self._commands(task, source, pages):
-            ran = subprocess.run(command, cwd=source, env=env, capture_output=True, text=True, check=False)
-            output += ran.stdout + ran.stderr
+            result = subprocess.run(command, cwd=source, env=env, capture_output=True, text=True, check=False)
+            output += result.stdout + result.stderr
         # The exit codes also reflect thresholds in the configuration of gcovr.
         root = _ROOT.search(text_or_nothing(build / _XML))
         numbers = dict(re.findall(r'(lines-\w+)="(\d+)"', root[0] if root else ""))

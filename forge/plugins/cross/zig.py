@@ -88,10 +88,10 @@ class Zig:
             return ()
         argv = (str(self.program), "cc", *self.flags, "-x", "c", "-", "-o", os.devnull)
         environment = {**os.environ, "ZIG_GLOBAL_CACHE_DIR": str(self.cache)}
-        done = subprocess.run(
+        result = subprocess.run(
             argv, input=b"int main(void) { return 0; }\n", capture_output=True, env=environment, check=False
         )
-        lines = done.stderr.decode(errors="replace").splitlines()
+        lines = result.stderr.decode(errors="replace").splitlines()
         messages = (line.partition("warning:")[2].strip() for line in lines if "glibc" in line)
         return tuple(Problem(f"zig: {text}") for text in dict.fromkeys(filter(None, messages)))
 
@@ -121,8 +121,8 @@ def find_zig(target: Target, layout: Layout, variables: Mapping[str, str]) -> Zi
     """Return zig from its wheel, else from PATH; raises HostError if there is none."""
     wheel = importlib.util.find_spec("ziglang")
     folders = (wheel and wheel.submodule_search_locations) or ()
-    beside = (Path(folder, "zig") for folder in folders)
-    program = next((path for path in beside if path.is_file()), None) or find_program("zig", variables)
+    bundled = (Path(folder, "zig") for folder in folders)
+    program = next((path for path in bundled if path.is_file()), None) or find_program("zig", variables)
     if program is None:
         hint = (
             f"install zig beside forge, `{extra_command('cross')}`, or describe a cross compiler in a "
@@ -140,10 +140,10 @@ def _compile_cxx_library(zig: Path, compilers: Path, archive: Path) -> str:
     visible symbols, the dynamic linker of the target uses one copy for all of them, as it does for GCC's
     library.
     """
-    answer = subprocess.run((zig, "env"), capture_output=True, text=True, check=False)
-    match = _LIB_DIR.search(answer.stdout)
+    result = subprocess.run((zig, "env"), capture_output=True, text=True, check=False)
+    match = _LIB_DIR.search(result.stdout)
     if match is None:
-        return answer.stdout + answer.stderr
+        return result.stdout + result.stderr
     home = Path(match[1])
     archive.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=archive.parent) as scratch:
@@ -176,5 +176,5 @@ def _run_all(commands: Sequence[tuple[str, ...]]) -> str:
 
 
 def _run(argv: tuple[str, ...]) -> str:
-    done = subprocess.run(argv, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
-    return "" if done.returncode == 0 else done.stderr or f"exit code {done.returncode}"
+    result = subprocess.run(argv, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+    return "" if result.returncode == 0 else result.stderr or f"exit code {result.returncode}"

@@ -123,8 +123,8 @@ def _client(address: str) -> Client:
             with contextlib.suppress(Exception):
                 super().__del__()  # type: ignore[no-untyped-call]
 
-    theirs = parse_timedelta(dask.config.get("distributed.comm.timeouts.connect"))
-    timeout = min(float(_CONNECT_SECONDS), float(theirs))
+    dask_timeout = parse_timedelta(dask.config.get("distributed.comm.timeouts.connect"))
+    timeout = min(float(_CONNECT_SECONDS), float(dask_timeout))
     # forge reports its problems itself.
     logging.getLogger("distributed").setLevel(logging.CRITICAL + 1)
     try:
@@ -148,15 +148,21 @@ def _surveyed(client: Client, address: str, build: Path, programs: Pairs) -> Clu
         results = client.run(survey, str(probe), token, programs, on_error="return")
     finally:
         probe.unlink()
-    lost = {where: result for where, result in results.items() if isinstance(result, BaseException)}
-    workers = tuple(result for where, result in sorted(results.items()) if where not in lost)
+    failures = {
+        worker_address: result
+        for worker_address, result in results.items()
+        if isinstance(result, BaseException)
+    }
+    workers = tuple(
+        result for worker_address, result in sorted(results.items()) if worker_address not in failures
+    )
     ours = traits_of(programs)
     differing = {worker.address: tuple(_other_programs(worker, ours)) for worker in workers}
     allowed_workers = tuple(worker for worker in workers if not differing[worker.address])
     remarks = tuple(problem for problems in differing.values() for problem in problems)
     raise_if_any(
         (
-            *(_unsurveyed(where, error) for where, error in sorted(lost.items())),
+            *(_unsurveyed(worker_address, error) for worker_address, error in sorted(failures.items())),
             *_without_access(workers, build),
             *(problem for worker in workers for problem in _other_versions(worker, ours)),
             *(() if allowed_workers else remarks),
@@ -197,19 +203,19 @@ def _program_identity(path: str) -> str:
         return ""
 
 
-def _unsurveyed(where: str, error: BaseException) -> Problem:
+def _unsurveyed(address: str, error: BaseException) -> Problem:
     hint = "install the same version of forge there, with its extra 'dask'"
     missing = isinstance(error, ImportError)
     cause = "forge is not installed there, or another version" if missing else _first_line(error)
-    return Problem(f"the worker at '{where}' cannot be used: {cause}", hint=hint if missing else None)
+    return Problem(f"the worker at '{address}' cannot be used: {cause}", hint=hint if missing else None)
 
 
 def _without_access(workers: tuple[WorkerInfo, ...], build: Path) -> Iterator[Problem]:
     separate = [f"'{worker.address}'" for worker in workers if not worker.sharing]
     if separate:
-        who = "the workers" if len(separate) == len(workers) else f"the workers at {', '.join(separate)}"
+        subject = "the workers" if len(separate) == len(workers) else f"the workers at {', '.join(separate)}"
         hint = "mount it under the same path on the workers"
-        yield Problem(f"{who} cannot access the build folder '{build}'", hint=hint)
+        yield Problem(f"{subject} cannot access the build folder '{build}'", hint=hint)
 
 
 def _other_versions(worker: WorkerInfo, ours: Traits) -> Iterator[Problem]:

@@ -235,8 +235,8 @@ class Call:
         return Output(self._name, f"forge: {text}\n".encode(errors="replace"), stderr=True)
 
 
-def _later(seconds: float, do: Callable[[], object]) -> None:
-    timer = threading.Timer(seconds, do)
+def _later(seconds: float, callback: Callable[[], object]) -> None:
+    timer = threading.Timer(seconds, callback)
     timer.daemon = True
     timer.start()
 

@@ -47,15 +47,15 @@ def declarations(subject: CheckContext) -> CheckResult:
         for root in subject.underlays.chain
         for package in installed_packages(root)
     }
-    brought = frozenset(resolution.packages) | frozenset(installed) | provided_names(discover_embedded())
-    modules = {name: name for name in brought}
+    available = frozenset(resolution.packages) | frozenset(installed) | provided_names(discover_embedded())
+    modules = {name: name for name in available}
     for name in near:
         modules.update(dict.fromkeys(modules_of(subject, resolution.packages[name]), name))
     needs = {**installed, **resolution.needs}
     for name in near:
         outside = frozenset(resolution.packages[name].manifest.names(ALL_KINDS)) & installed.keys()
         needs[name] |= outside
-    around = KnownPackages(brought, near, modules, needs)
+    known_packages = KnownPackages(available, near, modules, needs)
     findings: list[Finding] = []
     notes: list[Problem] = []
     for package in subject.packages.values():
@@ -63,18 +63,18 @@ def declarations(subject: CheckContext) -> CheckResult:
             continue  # whose dependencies are derived from these files
         text = subject.text(package, "CMakeLists.txt")
         if package.build_type in {"ament_cmake", "cmake"} and text:
-            findings += undeclared_in_cmake(package, text, package.path / "CMakeLists.txt", around)
+            findings += undeclared_in_cmake(package, text, package.path / "CMakeLists.txt", known_packages)
         if package.build_type == "ament_python":
             files = ((package.path / name, text) for name, text in subject.texts(package, ".py"))
-            findings += undeclared_in_python(package, files, around)
-        notes += _unused(subject, package, around.known)
+            findings += undeclared_in_python(package, files, known_packages)
+        notes += _unused(subject, package, known_packages.known)
     errors, warnings, implied = (
         tuple(problem for each, problem in findings if each == severity)
         for severity in ("error", "warning", "note")
     )
-    forgotten = len(errors) + len(warnings)
+    undeclared_count = len(errors) + len(warnings)
     parts = (
-        f"{forgotten} used but not declared" if forgotten else "",
+        f"{undeclared_count} used but not declared" if undeclared_count else "",
         f"{len(implied)} used that only other dependencies declare (--all)" if implied else "",
     )
     summary = ", ".join(filter(None, parts)) or "packages declare what they use"
@@ -161,43 +161,45 @@ class KnownPackages:
         return self.modules.get(module) or (module if is_ros_name(module) else None)
 
 
-def undeclared_in_cmake(package: Package, text: str, path: Path, around: KnownPackages) -> Iterator[Finding]:
+def undeclared_in_cmake(
+    package: Package, text: str, path: Path, known_packages: KnownPackages
+) -> Iterator[Finding]:
     """Yield packages that a CMakeLists.txt uses without declaring them, each once.
 
     It is an error if CMake certainly fails: a required package of the workspace that no declared dependency
     provides transitively.
     """
     reported = _declared(package)
-    below = closure(around.needs, around.needs.get(package.name, frozenset()))
+    transitive_needs = closure(known_packages.needs, known_packages.needs.get(package.name, frozenset()))
     for use in package_references(text):
-        if use.name in reported or not around.knows(use.name):
+        if use.name in reported or not known_packages.knows(use.name):
             continue
         reported.add(use.name)
-        is_error = use.required and use.name in around.near
-        severity: Severity = "note" if use.name in below else "error" if is_error else "warning"
+        is_error = use.required and use.name in known_packages.near
+        severity: Severity = "note" if use.name in transitive_needs else "error" if is_error else "warning"
         tag = "test_depend" if use.testing else "depend"
         yield severity, _undeclared(package, use.name, Location(path, use.line), tag)
 
 
 def undeclared_in_python(
-    package: Package, texts: Iterable[tuple[Path, str]], around: KnownPackages
+    package: Package, texts: Iterable[tuple[Path, str]], known_packages: KnownPackages
 ) -> Iterator[Finding]:
     """Yield packages that Python files import without declaring them, each once."""
     reported = _declared(package)
-    below = closure(around.needs, around.needs.get(package.name, frozenset()))
+    transitive_needs = closure(known_packages.needs, known_packages.needs.get(package.name, frozenset()))
     for path, text in texts:
         # Parse only files with candidate lines, because parsing is slow.
-        if reported.issuperset(filter(None, map(around.owner, mentioned_modules(text)))):
+        if reported.issuperset(filter(None, map(known_packages.owner, mentioned_modules(text)))):
             continue
         with suppress(SyntaxError, ValueError, RecursionError):
             for module, line in imported_modules(text):
-                name = around.owner(module)
+                name = known_packages.owner(module)
                 if name is None or name in reported:
                     continue
                 reported.add(name)
                 tag = "exec_depend" if _TEST_PARTS.isdisjoint(path.parts) else "test_depend"
                 # Launch files rarely declare dependencies and run in a complete system.
-                is_mild = name in below or path.name.endswith((".launch.py", "_launch.py"))
+                is_mild = name in transitive_needs or path.name.endswith((".launch.py", "_launch.py"))
                 problem = _undeclared(package, name, Location(path, line), tag)
                 yield "note" if is_mild else "warning", problem
 

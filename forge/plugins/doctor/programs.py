@@ -192,7 +192,7 @@ def _version(subject: CheckContext, words: Sequence[str]) -> str:
 def _run(subject: CheckContext, argv: Sequence[str], text: str = "") -> tuple[str, str]:
     """Return the output of a program, and the reason of its failure in one line, '' if it succeeded."""
     try:
-        done = subprocess.run(
+        result = subprocess.run(
             argv,
             env=dict(subject.variables),
             input=text,
@@ -206,10 +206,10 @@ def _run(subject: CheckContext, argv: Sequence[str], text: str = "") -> tuple[st
         return "", reason_of(error)
     except subprocess.TimeoutExpired:
         return "", "timeout after a minute"
-    if not done.returncode:
-        return done.stdout, ""
-    lines = [line for line in done.stderr.splitlines() if "error" in line] or done.stderr.splitlines()
-    return "", lines[0].strip() if lines else f"exit code {done.returncode}"
+    if not result.returncode:
+        return result.stdout, ""
+    lines = [line for line in result.stderr.splitlines() if "error" in line] or result.stderr.splitlines()
+    return "", lines[0].strip() if lines else f"exit code {result.returncode}"
 
 
 def _numbers(version: str) -> tuple[int, ...]:

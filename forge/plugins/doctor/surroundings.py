@@ -104,20 +104,20 @@ def _tool_of(root: Path) -> str:
 
 
 def _missing_dependencies(root: Path, subject: CheckContext) -> Iterator[Problem]:
-    held = installed_packages(root)
+    packages = installed_packages(root)
     # The packages of a distribution come from many sources, so fewer of their names are certain.
     is_package = resembles_ros_name if (root / LAYOUT_MARKER).is_file() else is_ros_name
     available_names = {
         package.name for other in subject.underlays.chain for package in installed_packages(other)
     }
     available_names.update(subject.resolution.packages if subject.resolution else ())
-    lost: dict[str, list[str]] = {}
-    for package in held:
+    users_by_need: dict[str, list[str]] = {}
+    for package in packages:
         for need in package.needs - available_names:
             # The indexes also contain rosdep keys, which only differ from packages in their spelling.
             if is_package(need) and not provider(need, subject.underlays, SYSTEM):
-                lost.setdefault(need, []).append(package.name)
-    for need, users in sorted(lost.items()):
+                users_by_need.setdefault(need, []).append(package.name)
+    for need, users in sorted(users_by_need.items()):
         hint = f"source the workspace that contains '{need}' before '{root}', or rebuild '{root}'"
         message = f"{listed(sorted(users))} in '{root}' needs '{need}', which no sourced underlay contains"
         yield Problem(message, hint=hint)
@@ -140,17 +140,19 @@ def _other_python(variables: Mapping[str, str], subject: CheckContext) -> Iterat
     if variables.get("PYTHONHOME"):
         yield Problem(f"'PYTHONHOME' is set to '{variables['PYTHONHOME']}'", hint="unset PYTHONHOME")
     try:
-        ours = find_interpreter(subject.python, variables, subject.underlays.chain, root=subject.root).version
+        version = find_interpreter(
+            subject.python, variables, subject.underlays.chain, root=subject.root
+        ).version
     except HostError:
         return
     others = [
         entry
         for entry in variables.get("PYTHONPATH", "").split(os.pathsep)
-        if (match := _PYTHON_FOLDER.search(entry)) and (int(match[1]), int(match[2])) != ours
+        if (match := _PYTHON_FOLDER.search(entry)) and (int(match[1]), int(match[2])) != version
     ]
     if others:
         hint = "open a new terminal, or build with '--python' for that version"
-        message = f"'PYTHONPATH' contains {listed(others)} for another python than {ours[0]}.{ours[1]}"
+        message = f"'PYTHONPATH' contains {listed(others)} for another python than {version[0]}.{version[1]}"
         yield Problem(message, hint=hint)
     conda = variables.get("CONDA_PREFIX")
     if conda and Path(conda, "bin") in map(Path, variables.get("PATH", "").split(os.pathsep)[:2]):
@@ -162,10 +164,10 @@ def _missing_paths(variables: Mapping[str, str]) -> Iterator[Problem]:
     """Yield variables that name missing files or folders; lost_underlays checks two others."""
     for name in _PATHS:
         entries = dict.fromkeys(filter(None, variables.get(name, "").split(os.pathsep)))
-        gone = [entry for entry in entries if not os.path.lexists(entry)]
-        if gone:
+        missing = [entry for entry in entries if not os.path.lexists(entry)]
+        if missing:
             hint = "if it was removed after sourcing, continue in a new terminal"
-            yield Problem(f"'{name}' names {listed(gone)}, which does not exist", hint=hint)
+            yield Problem(f"'{name}' names {listed(missing)}, which does not exist", hint=hint)
     for name in _FILES:
         value = variables.get(name)
         if value and os.sep in value and not os.path.lexists(expand_home(value)):

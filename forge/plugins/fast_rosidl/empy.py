@@ -287,8 +287,8 @@ class _Compiler:
         loop = ast.parse(f"for {parts[0].strip()} in (): pass").body[0]
         if not isinstance(loop, ast.For) or not _are_names(loop.target):
             raise UncompilableError("for")
-        otherwise = others[0][1] if others else []
-        return [ast.For(loop.target, self._evaluated(parts[1]), body, otherwise)]
+        orelse = others[0][1] if others else []
+        return [ast.For(loop.target, self._evaluated(parts[1]), body, orelse)]
 
     def _while(self, token: Any) -> list[ast.stmt]:
         (head, body), *others = self._chains(token, "else")

@@ -82,7 +82,7 @@ def with_dependencies(
     """
     root = parse_xml(content, path)
     tags = _OLD_DEPEND if root.attributes.get("format", "1") == "1" and tag == "depend" else (tag,)
-    present = {
+    existing = {
         (each.tag, each.text.strip())
         for each in root.children
         if each.tag in DEPENDENCY_KINDS and "condition" not in each.attributes
@@ -90,17 +90,17 @@ def with_dependencies(
     added = tuple(
         name
         for name in dict.fromkeys(names)
-        if not {(each, name) for each in tags} <= present and ("depend", name) not in present
+        if not {(each, name) for each in tags} <= existing and ("depend", name) not in existing
     )
     try:
         text = content.decode()
     except UnicodeDecodeError:
         raise WorkspaceError(Problem("the manifest is not UTF-8", Location(path))) from None
     dependencies = [each for each in root.children if each.tag in DEPENDENCY_KINDS]
-    alike = [each for each in dependencies if each.tag in tags] or dependencies
+    siblings = [each for each in dependencies if each.tag in tags] or dependencies
     newline = "\r\n" if "\r\n" in text else "\n"
-    if alike:
-        last = alike[-1]
+    if siblings:
+        last = siblings[-1]
         end = content.index(b">", last.end) + 1
         before = content[: last.start].decode()
         _, newlines, indentation = before.rpartition("\n")
@@ -111,7 +111,7 @@ def with_dependencies(
             f"{newline}{indentation}<{each}>{name}</{each}>"
             for each in tags
             for name in added
-            if (each, name) not in present
+            if (each, name) not in existing
         )
     else:
         match = _BEFORE_EXPORT.search(text)
@@ -133,8 +133,8 @@ def _package(options: Options, loaded: LoadedWorkspace) -> Package:
             raise SelectionError(Problem(f"no package is named '{options.package}'", hint=hint))
         return packages[options.package]
     here = Path.cwd() / options.origin
-    around = [each for each in packages.values() if here.resolve().is_relative_to(each.path.resolve())]
-    candidates = around or list(packages.values())
+    enclosing = [each for each in packages.values() if here.resolve().is_relative_to(each.path.resolve())]
+    candidates = enclosing or list(packages.values())
     if len(candidates) != 1:
         message = "no package in the workspace" if not candidates else f"there are {len(candidates)} packages"
         hint = "name one with '--package', or change to its folder"

@@ -30,14 +30,14 @@ def entries(variables: Mapping[str, str]) -> Iterator[CacheEntry]:
     last_uses: dict[Path, float] = {}
     for folder in _underlays(cache):
         built = folder / BUILT
-        used = (built if built.exists() else folder).stat().st_mtime
+        last_use = (built if built.exists() else folder).stat().st_mtime
         for source in linked_sources(folder).values():
-            last_uses[source] = max(used, last_uses.get(source, 0.0))
-        yield CacheEntry(_UNDERLAY, folder.name, folder, _size(folder), used)
+            last_uses[source] = max(last_use, last_uses.get(source, 0.0))
+        yield CacheEntry(_UNDERLAY, folder.name, folder, _size(folder), last_use)
     for folder in _sources(cache):
-        used = max(folder.stat().st_mtime, last_uses.get(folder, 0.0))
+        last_use = max(folder.stat().st_mtime, last_uses.get(folder, 0.0))
         name = f"{folder.parent.name} {folder.name.rpartition('-')[0]}"
-        yield CacheEntry(_SOURCE, name, folder, _size(folder), used)
+        yield CacheEntry(_SOURCE, name, folder, _size(folder), last_use)
     for folder in _clones(cache):
         url = text_or_nothing(folder / "description").removeprefix(git.MARK).strip()
         yield CacheEntry(_CLONE, f"{url} {folder.stem[:12]}", folder, _size(folder), folder.stat().st_mtime)
@@ -47,8 +47,8 @@ def remove(entry: CacheEntry) -> bool:
     """Remove an entry, except an underlay that is being built and sources of an underlay."""
     if entry.kind == _UNDERLAY:
         locks = [lock_path(entry.path), entry.path / "build" / LOCK_FILE]
-        with ExitStack() as held:
-            files = [held.enter_context(path.open("a")) for path in locks if path.parent.is_dir()]
+        with ExitStack() as stack:
+            files = [stack.enter_context(path.open("a")) for path in locks if path.parent.is_dir()]
             try:
                 for file in files:
                     fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -82,8 +82,8 @@ def verify(variables: Mapping[str, str]) -> Iterator[tuple[Path, str]]:
         if fault := git.fault(folder, folder.stem):
             yield folder, f"{fault}; remove the folder to get it again"
     for folder in _underlays(cache):
-        if gone := [name for name, path in linked_sources(folder).items() if not path.is_dir()]:
-            names = ", ".join(f"'{name}'" for name in gone)
+        if missing := [name for name, path in linked_sources(folder).items() if not path.is_dir()]:
+            names = ", ".join(f"'{name}'" for name in missing)
             yield folder, f"the sources of {names} no longer exist; built packages stay usable"
 
 

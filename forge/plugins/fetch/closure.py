@@ -52,8 +52,8 @@ def middleware_package(name: str, snapshot: Snapshot) -> str:
     package = MIDDLEWARES.get(name, name)
     available = middlewares(snapshot)
     if package not in available:
-        short = [each for each, named in MIDDLEWARES.items() if named in available]
-        hint = did_you_mean(name, [*short, *available]) or f"it has {', '.join(sorted(available))}"
+        short_names = [each for each, named in MIDDLEWARES.items() if named in available]
+        hint = did_you_mean(name, [*short_names, *available]) or f"it has {', '.join(sorted(available))}"
         message = f"--rmw: ROS '{snapshot.distribution}' has no middleware '{name}'"
         raise SelectionError(Problem(message, hint=hint))
     return package

@@ -150,13 +150,13 @@ def _fetch(options: Options, root: Path, cache: Path) -> int:
     imports = _imports(options, snapshot, before, cache)
     snapshot = replace(snapshot, releases={**snapshot.releases, **imports.releases})
     middleware, requested = _choices(options, snapshot, before, loaded, imports)
-    around = _surroundings(layout, cache, distribution)
-    print_warnings(_unknown(loaded, snapshot, around))
+    surroundings = _surroundings(layout, cache, distribution)
+    print_warnings(_unknown(loaded, snapshot, surroundings))
     own = loaded.workspace.packages
     needs = resolve(
         {**dict.fromkeys(requested, ()), **_wanted(options, snapshot, loaded)},
         snapshot,
-        lambda name: name in own or around.has(name),
+        lambda name: name in own or surroundings.has(name),
         middleware,
         tests=options.test,
     )
@@ -174,7 +174,7 @@ def _fetch(options: Options, root: Path, cache: Path) -> int:
     )
     projects = [each for name, each in own.items() if name in loaded.selection.names]
     declared = declared_requirements(projects, {*own, *snapshot.releases, *_embedded(distribution)})
-    ros, python = _requirements(needs, lock, declared, around)
+    ros, python = _requirements(needs, lock, declared, surroundings)
     lock = replace(lock, python=python)
     if options.locked and (before is None or replace(lock, snapshot=before.snapshot) != before):
         hint = f"run 'forge fetch', and commit {LOCK_FILE}"
@@ -184,7 +184,7 @@ def _fetch(options: Options, root: Path, cache: Path) -> int:
     sources = list(_sources(source_folder(cache, each) for each in packages))
     if before is None or lock.keys != before.keys:
         lock = replace(lock, pip=_pip_names([*sources, *projects], lock))
-        ros, python = _requirements(needs, lock, declared, around)
+        ros, python = _requirements(needs, lock, declared, surroundings)
     if not (packages or python):
         print(f"nothing to fetch: no package of ROS {distribution} is missing")
         if options.export:
@@ -192,16 +192,18 @@ def _fetch(options: Options, root: Path, cache: Path) -> int:
         if before:
             write_lock(root, replace(lock, python=(), modules=()))
         return 0
-    configured = options.python or configured_word("python", root, around.variables)
-    interpreter = find_interpreter(configured, around.variables, around.underlays.chain, root=root)
+    configured = options.python or configured_word("python", root, surroundings.variables)
+    interpreter = find_interpreter(
+        configured, surroundings.variables, surroundings.underlays.chain, root=root
+    )
     environment = workspace_environment(root, interpreter)
     if environment and python:
-        system = sees_system(lock, around.underlays.chain)
+        system = sees_system(lock, surroundings.underlays.chain)
         make_environment(environment, interpreter.path, system=system)
     program = environment / "bin/python3" if environment else interpreter.path
     lock = replace(lock, python=python, modules=_modules(options, lock, before, ros, python, program, cache))
-    print_warnings(announced(sources, lock.keys, around.variables))
-    print_warnings(missing_programs(needs.keys, around.variables))
+    print_warnings(announced(sources, lock.keys, surroundings.variables))
+    print_warnings(missing_programs(needs.keys, surroundings.variables))
     for line in _system_packages(sources, lock) if sources else ():
         print(line)
     if options.export:
@@ -322,13 +324,13 @@ def _wanted(options: Options, snapshot: Snapshot, loaded: LoadedWorkspace) -> di
     return {name: tuple(sorted(names)) for name, names in sorted(users.items())}
 
 
-def _unknown(loaded: LoadedWorkspace, snapshot: Snapshot, around: _Surroundings) -> Iterator[Problem]:
+def _unknown(loaded: LoadedWorkspace, snapshot: Snapshot, surroundings: _Surroundings) -> Iterator[Problem]:
     """Yield the dependencies of the workspace that must be misspelled, or packages released elsewhere."""
     released = {*loaded.workspace.packages, *snapshot.releases}
     others = {*released, *_embedded(snapshot.distribution), *REQUIREMENTS}
     for package in (loaded.packages[node] for node in loaded.selection.names):
         for name in package.manifest.names(BUILD_KINDS | RUN_KINDS):
-            if "-" in name or name in others or around.has(name):
+            if "-" in name or name in others or surroundings.has(name):
                 continue
             hint = did_you_mean(name, released, 0.85)
             if hint or is_ros_name(name):
@@ -355,7 +357,7 @@ def _surroundings(layout: Layout, cache: Path, distribution: str) -> _Surroundin
 
 
 def _requirements(
-    needs: Needs, lock: Lock, declared: Iterable[str], around: _Surroundings
+    needs: Needs, lock: Lock, declared: Iterable[str], surroundings: _Surroundings
 ) -> tuple[set[str], tuple[str, ...]]:
     """Return the PyPI requirements of locked packages, and those including the workspace's own.
 
@@ -367,7 +369,7 @@ def _requirements(
         users = needs.keys.get(key, ())
         if needs.packages.keys() & set(users):
             ros.update(filter(is_requirement, pip.split()))
-        elif key in needs.keys and (key not in REQUIREMENTS or not around.underlays.chain):
+        elif key in needs.keys and (key not in REQUIREMENTS or not surroundings.underlays.chain):
             own.update(filter(is_requirement, pip.split()))
     return ros, tuple(sorted({*ros, *own}))
 
@@ -419,9 +421,9 @@ def _locked(
     options: Options, lock: Lock | None, needs: Needs, snapshot: Snapshot, imports: Imports
 ) -> tuple[tuple[LockedPackage, ...], list[Problem]]:
     """Return the needed packages, at the versions of the lock if possible, and problems with the others."""
-    moved = options.update or ()
-    keep = lock.packages if lock and options.update != () else ()
-    pinned = {each.name: each for each in keep if each.name in needs.packages and each.name not in moved}
+    updated = options.update or ()
+    locked = lock.packages if lock and options.update != () else ()
+    pinned = {each.name: each for each in locked if each.name in needs.packages and each.name not in updated}
     pinned.update((name, each) for name, each in imports.packages.items() if name in needs.packages)
     missing = needs.packages.keys() - pinned.keys()
     if missing and options.offline:

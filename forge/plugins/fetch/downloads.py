@@ -107,8 +107,8 @@ def _replacement(call: Call, cmake_calls: Collection[Call], optional: dict[str, 
     names = {
         each.words[0].lower() for each in cmake_calls if each.command in {"macro", "function"} and each.words
     }
-    around = [each.split(" ")[0].lower() for each in call.conditions]
-    if macro := next((name for name in around if name in names), None):
+    condition_words = [each.split(" ")[0].lower() for each in call.conditions]
+    if macro := next((name for name in condition_words if name in names), None):
         uses = [_needed(each.conditions, optional) for each in cmake_calls if each.command == macro]
     else:
         uses = [_needed(call.conditions, optional)]

@@ -165,22 +165,22 @@ def _git(*words: str) -> str:
     for name in ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE", "GIT_OBJECT_DIRECTORY"):
         variables.pop(name, None)
     try:
-        done = subprocess.run(
+        result = subprocess.run(
             ("git", *words), env=variables, stdin=subprocess.DEVNULL, capture_output=True, check=False
         )
     except FileNotFoundError:
         hint = "install it, for example with `apt install git`"
         raise HostError(Problem("git is not installed", hint=hint)) from None
-    if done.returncode == -signal.SIGINT:
+    if result.returncode == -signal.SIGINT:
         raise KeyboardInterrupt
-    if _FULL.search(os.fsdecode(done.stderr)):
+    if _FULL.search(os.fsdecode(result.stderr)):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), words[0])
-    if done.returncode:
+    if result.returncode:
         lines = (
             line.removeprefix("fatal: ").removeprefix("error: ")
-            for line in os.fsdecode(done.stderr).splitlines()
+            for line in os.fsdecode(result.stderr).splitlines()
         )
         reason = next((line for line in lines if line and not line.startswith(("warning:", "hint:"))), "")
-        kind = NetworkError if _NETWORK.search(os.fsdecode(done.stderr)) else GitError
-        raise kind(Problem(without_passwords(reason or f"git failed with exit code {done.returncode}")))
-    return os.fsdecode(done.stdout)
+        kind = NetworkError if _NETWORK.search(os.fsdecode(result.stderr)) else GitError
+        raise kind(Problem(without_passwords(reason or f"git failed with exit code {result.returncode}")))
+    return os.fsdecode(result.stdout)

@@ -283,8 +283,8 @@ def _remove_remains(folder: Path, names: Collection[str]) -> None:
 
     for place in folder.glob("lib/python*/site-packages"):
         for path in place.glob("~*"):  # pip moves what it replaces there: all but the first letters stay
-            rest = canonicalize_name(path.name.lstrip("~").partition("-")[0])
-            if any(name.endswith(rest) for name in names):
+            name_tail = canonicalize_name(path.name.lstrip("~").partition("-")[0])
+            if any(name.endswith(name_tail) for name in names):
                 remove_tree(str(path))
         for path in place.glob("*.dist-info"):
             if canonicalize_name(path.name.partition("-")[0]) in names:
@@ -313,8 +313,8 @@ def add_modules(
     """
     names = [each.name for each in modules]
     lines = ask_python(interpreter.path, _VERSIONS, *names).splitlines()
-    present = dict(line.split(" ", 1) for line in lines)
-    missing = [each for each in modules if each.name not in present]
+    installed = dict(line.split(" ", 1) for line in lines)
+    missing = [each for each in modules if each.name not in installed]
     folder = interpreter.path.parent.parent
     if missing and (folder / "pyvenv.cfg").is_file():
         print(f"installing {counted(len(missing), 'Python module')} in '{folder}'", file=sys.stderr)
@@ -325,7 +325,7 @@ def add_modules(
         words = " ".join(f"{each.name}=={each.version}" for each in missing)
         yield Problem(f"'{interpreter.path}' lacks {words}", hint=hint)
     for each in modules:
-        if (version := present.get(each.name, each.version)) != each.version:
+        if (version := installed.get(each.name, each.version)) != each.version:
             yield Problem(f"'{interpreter.path}' has {each.name} {version}, not {each.version} of the lock")
 
 
@@ -466,17 +466,17 @@ def _run(command: Sequence[str], purpose: str, place: str | Path, hint: str | No
     variables = {
         name: value for name, value in os.environ.items() if name not in {"PYTHONPATH", "PYTHONHOME"}
     }
-    done = subprocess.run(
+    result = subprocess.run(
         command, env=variables, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
     )
-    if done.returncode:
-        lines = [line for line in (done.stderr or done.stdout).splitlines() if line.strip()]
+    if result.returncode:
+        lines = [line for line in (result.stderr or result.stdout).splitlines() if line.strip()]
         errors = [line for line in lines if line.startswith("ERROR: ")]  # pip reports the reason at the end
         reason = errors[-1] if errors else " ".join(line.strip(_DRAWN) for line in lines)
         if "No module named pip" in reason:
             hint = "install uv, or pip for this interpreter"
-        if os.strerror(errno.ENOSPC) in done.stderr:
+        if os.strerror(errno.ENOSPC) in result.stderr:
             reason, hint = os.strerror(errno.ENOSPC), "free some space, and run 'forge fetch' again"
-        reason = re.sub("^error: ", "", reason, flags=re.IGNORECASE) or f"exit code {done.returncode}"
+        reason = re.sub("^error: ", "", reason, flags=re.IGNORECASE) or f"exit code {result.returncode}"
         raise HostError(Problem(f"cannot {purpose} '{place}': {reason}", hint=hint))
-    return done.stdout
+    return result.stdout

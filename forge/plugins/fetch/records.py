@@ -34,9 +34,9 @@ def changed_files(folder: Path) -> list[str]:
         recorded: dict[str, str] = json.loads(text_or_nothing(record_path(folder)))
     except ValueError:
         return [record_path(folder).name]
-    present = dict(_files(folder))
-    names = recorded.keys() | present.keys()
-    return sorted(name for name in names if recorded.get(name) != present.get(name))
+    current = dict(_files(folder))
+    names = recorded.keys() | current.keys()
+    return sorted(name for name in names if recorded.get(name) != current.get(name))
 
 
 def _files(folder: Path) -> Iterator[tuple[str, str]]:

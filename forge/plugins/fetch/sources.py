@@ -259,8 +259,8 @@ def copy_sources(packages: Iterable[LockedPackage], cache: Path, folder: Path) -
     """Copy packages into a folder, for the user to edit; raises SelectionError if one is there already."""
     copies = {folder / each.name: source_folder(cache, each) for each in packages}
     hint = "remove it, or choose another folder with '--vendor'"
-    present = (path for path in copies if os.path.lexists(path))
-    raise_if_any((Problem(f"'{path}' exists already", hint=hint) for path in present), SelectionError)
+    existing = (path for path in copies if os.path.lexists(path))
+    raise_if_any((Problem(f"'{path}' exists already", hint=hint) for path in existing), SelectionError)
     for path, source in copies.items():
         with _new_folder(path) as draft:
             _copy_tree(source, draft)

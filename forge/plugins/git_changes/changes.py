@@ -268,7 +268,7 @@ def changed_packages(
                 return True
         return False
 
-    used: set[Path] = set()
+    used_repositories: set[Path] = set()
     changed_names: set[str] = set()
     outside: list[str] = []
     problems: list[Problem] = []
@@ -279,7 +279,7 @@ def changed_packages(
             outside.append(name)
             continue
         try:
-            used.add(top)
+            used_repositories.add(top)
             if folder not in repositories[top].files:
                 outside.append(name)
             elif folder in repositories[top].changes or is_moved(package.path):
@@ -297,7 +297,7 @@ def changed_packages(
         text = f"{listed(outside)} {are} in no git repository and always {count} as changed"
         warnings.append(Problem(text))
     warnings += (problem for _, other in sorted(repositories.items()) if (problem := other.incomplete))
-    independent = [str(top) for top in sorted(used) if repositories[top].superproject is None]
+    independent = [str(top) for top in sorted(used_repositories) if repositories[top].superproject is None]
     if len(independent) > 1 and revision != "HEAD":
         count = f"{len(independent)} repositories: {listed(independent)}"
         warnings.append(Problem(f"'{revision}' is resolved separately in {count}"))

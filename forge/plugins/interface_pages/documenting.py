@@ -87,7 +87,9 @@ def make_site(options: Options, default: Path) -> int:
     )
     documented_packages = _wanted(options, folders, library)
     results = [_attempt(name, library) for name in documented_packages]
-    problems = [p for result in results if isinstance(result, InterfaceError) for p in result.problems]
+    problems = [
+        problem for result in results if isinstance(result, InterfaceError) for problem in result.problems
+    ]
     catalogs = [result for result in results if isinstance(result, Catalog)]
     if not catalogs:
         raise_if_any(dict.fromkeys(problems), InterfaceError)

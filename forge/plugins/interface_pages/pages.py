@@ -195,7 +195,7 @@ def snippets(interface: Interface, known: Mapping[TypeName, Message]) -> dict[st
         leaves = _leaves(message, known)
         python += [
             f"{variable} = {name.name}{part}()",
-            *(f"{variable}.{e.path} = {e.python}" for e in leaves),
+            *(f"{variable}.{leaf.path} = {leaf.python}" for leaf in leaves),
         ]
         type_ = f"{name.package}::{name.kind}::{name.name}{part.replace('.', '::')}"
         cpp += [f"{type_} {variable};", *(f"{variable}.{each.path} = {each.cpp};" for each in leaves)]
@@ -231,8 +231,10 @@ def _leaf(path: str, type_: Type, known: Mapping[TypeName, Message], depth: int)
             word = _WORD[:bound]
             return _Leaf(path, f'"{word}"', f'{"u" if wide else ""}"{word}"')
         case Named(name) if depth:
-            below = (_leaf(f"{path}.{m.name}", m.type, known, depth - 1) for m in known[name].fields)
-            return next((leaf for leaf in below if leaf), None)
+            leaves = (
+                _leaf(f"{path}.{member.name}", member.type, known, depth - 1) for member in known[name].fields
+            )
+            return next((leaf for leaf in leaves if leaf), None)
         case Array(Primitive(name)) if name not in {"wchar", "octet"}:
             return _Leaf(f"{path}[0]", _PYTHON.get(name, "1"), _CPP.get(name, "1"))
         case Sequence(Primitive(name)) if name not in {"wchar", "octet"}:

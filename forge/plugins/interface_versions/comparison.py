@@ -238,19 +238,19 @@ def _field_changes(where: str, old: Message, new: Message, moved: Collection[str
     removed, added = list[Field](), list[Field]()
     matcher = SequenceMatcher(a=names[0], b=names[1], autojunk=False)
     for _, i1, i2, j1, j2 in (each for each in matcher.get_opcodes() if each[0] != "equal"):
-        gone, come = before[i1:i2], after[j1:j2]
-        if len(gone) == len(come):
-            elsewhere = {*names[0], *names[1]} - {each.name for each in (*gone, *come)}
-            for one, other in zip(gone, come, strict=True):
-                is_renamed = one.type == other.type and not {one.name, other.name} & elsewhere
+        old_fields, new_fields = before[i1:i2], after[j1:j2]
+        if len(old_fields) == len(new_fields):
+            other_names = {*names[0], *names[1]} - {each.name for each in (*old_fields, *new_fields)}
+            for one, other in zip(old_fields, new_fields, strict=True):
+                is_renamed = one.type == other.type and not {one.name, other.name} & other_names
                 if is_renamed and one.name not in names[1] and other.name not in names[0]:
                     yield Change(f"field '{one.name}'{where} is now called '{other.name}'", api=True)
                 else:
                     removed.append(one)
                     added.append(other)
         else:
-            removed += gone
-            added += come
+            removed += old_fields
+            added += new_fields
     for one in removed:
         if one.name not in names[1]:
             yield Change(f"field '{one.name}'{where} was removed", api=True)

@@ -105,8 +105,10 @@ def _renamed(folder: Path, text: str, problem: Problem) -> Problem:
     place = problem.location
     if place is None or not Path(place.path).is_relative_to(folder):
         return problem
-    below = Path(place.path).relative_to(folder)
-    return replace(problem, location=replace(place, path=Path(f"{text}{'/' if ':' in text else ':'}{below}")))
+    relative = Path(place.path).relative_to(folder)
+    return replace(
+        problem, location=replace(place, path=Path(f"{text}{'/' if ':' in text else ':'}{relative}"))
+    )
 
 
 @dataclass

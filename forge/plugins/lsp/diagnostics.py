@@ -48,7 +48,9 @@ def diagnose(index: Index, path: Path) -> tuple[Diagnostic, ...]:
         diagnostics = _all(errors, "error", lines)
         wrong = {each.span.line for each in diagnostics}
         diagnostics += [
-            d for d in _all(_doubtful(index, reading), "warning", lines) if d.span.line not in wrong
+            diagnostic
+            for diagnostic in _all(_doubtful(index, reading), "warning", lines)
+            if diagnostic.span.line not in wrong
         ]
     else:
         diagnostics = []

@@ -195,7 +195,9 @@ class Index:
         """Return the name of the package that contains a definition."""
         manifest = self.manifest_of(path)
         if manifest is None:
-            manifest_path = next((f / MANIFEST for f in path.parents if (f / MANIFEST).is_file()), None)
+            manifest_path = next(
+                (folder / MANIFEST for folder in path.parents if (folder / MANIFEST).is_file()), None
+            )
             if manifest_path:
                 self.refresh(manifest_path)
                 manifest = self.manifests.get(manifest_path)

@@ -120,9 +120,9 @@ class InterfaceServer(LanguageServer):
         return self._indexes.setdefault(index.root, index)
 
     def _index(self, path: Path) -> Index:
-        around = [root for root in self._indexes if path.is_relative_to(root)]
-        if around:
-            return self._indexes[max(around, key=lambda root: len(root.parts))]
+        enclosing = [root for root in self._indexes if path.is_relative_to(root)]
+        if enclosing:
+            return self._indexes[max(enclosing, key=lambda root: len(root.parts))]
         return self._add(path.parent)
 
     def _did_open(self, params: lsp.DidOpenTextDocumentParams) -> None:

@@ -169,15 +169,15 @@ class Store:
             raise StoreError(f"{self.name}: {text}") from None
 
 
-def _blocks(source: Path, left: int) -> Iterator[bytes]:
-    """Yield the first `left` bytes of a file; raises BlobError if it is shorter."""
+def _blocks(source: Path, remaining: int) -> Iterator[bytes]:
+    """Yield the first `remaining` bytes of a file; raises BlobError if it is shorter."""
     try:
         with source.open("rb") as stream:
-            while left:
-                block = stream.read(min(_BLOCK, left))
+            while remaining:
+                block = stream.read(min(_BLOCK, remaining))
                 if not block:
                     raise BlobError(f"{source} was truncated during the upload")
-                left -= len(block)
+                remaining -= len(block)
                 yield block
     except OSError as error:
         raise BlobError(f"cannot read {source}: {error.strerror}") from None

@@ -117,7 +117,7 @@ def run(options: Options) -> int:
     print_warnings(_unresolved(needs, names, system))
     python = _python(options, layout, root)
     # The installed packages of another system are unknown.
-    have = frozenset() if options.os else _installed(needs, python)
+    installed = frozenset() if options.os else _installed(needs, python)
     if options.json:
         import json
 
@@ -125,13 +125,13 @@ def run(options: Options) -> int:
         rows = [
             {
                 **{name: getattr(need, name) for name in shown},
-                "missing": not need.provider and not is_installed(need, have),
+                "missing": not need.provider and not is_installed(need, installed),
             }
             for need in needs
         ]
         print(json.dumps({"system": f"{system.name}:{system.version}", "needs": rows}, indent=2))
         return 0
-    missing = [need for need in needs if not need.provider and not is_installed(need, have)]
+    missing = [need for need in needs if not need.provider and not is_installed(need, installed)]
     if options.install:
         unknown = [need for need in missing if not need.manager]
         keys = " ".join(need.key for need in unknown)
@@ -143,7 +143,7 @@ def run(options: Options) -> int:
             for need in unknown
         )
     elevate = bool(options.os) or os.geteuid() != 0
-    commands, manual = install_commands(missing, have, python, elevate=elevate, ask=not options.yes)
+    commands, manual = install_commands(missing, installed, python, elevate=elevate, ask=not options.yes)
     satisfied = [need for need in needs if options.all and need not in missing]
     for line in _script(satisfied, missing, commands, manual, _ros_remedy(names, system, rosdistro)):
         # The output may be piped to a shell: names must not contain line breaks.
@@ -171,8 +171,8 @@ def _script(
         yield f"# {need.key} ({where}), needed by {', '.join(need.users)}"
     for need in missing:
         if need.manager:
-            called = "" if need.names == (need.key,) else f" ({need.manager}: {', '.join(need.names)})"
-            yield f"# {need.key}{called}, needed by {', '.join(need.users)}"
+            packages = "" if need.names == (need.key,) else f" ({need.manager}: {', '.join(need.names)})"
+            yield f"# {need.key}{packages}, needed by {', '.join(need.users)}"
     yield from map(shlex.join, commands.values())
     for manager, names in manual.items():
         yield f"# install manually ({manager}): {' '.join(names)}"

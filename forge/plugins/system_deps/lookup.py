@@ -184,6 +184,6 @@ def needs_of(
     return tuple(statuses)
 
 
-def is_installed(need: DependencyStatus, have: frozenset[tuple[str, str]]) -> bool:
-    """Return whether all packages of a dependency are in `have`, which contains (package manager, name)."""
-    return need.manager is not None and all((need.manager, name) in have for name in need.names)
+def is_installed(need: DependencyStatus, installed: frozenset[tuple[str, str]]) -> bool:
+    """Return whether all packages of a dependency are in `installed`: (package manager, name)."""
+    return need.manager is not None and all((need.manager, name) in installed for name in need.names)

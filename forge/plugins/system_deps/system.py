@@ -60,23 +60,23 @@ class System:
     manager: str
 
 
-def system_of(fields: Mapping[str, str], asked: str | None = None) -> System:
+def system_of(fields: Mapping[str, str], override: str | None = None) -> System:
     """Return the system described by /etc/os-release, or NAME:VERSION if given."""
     name, version = fields.get("ID", "linux").lower(), fields.get("VERSION_ID", "")
-    kin = families(fields)
-    if asked:
-        name, _, version = asked.lower().partition(":")
-        kin = (name,)
-    elif not DEBIAN.isdisjoint(kin):
+    ids = families(fields)
+    if override:
+        name, _, version = override.lower().partition(":")
+        ids = (name,)
+    elif not DEBIAN.isdisjoint(ids):
         codename = fields.get("UBUNTU_CODENAME") or fields.get("VERSION_CODENAME")
         version = codename or version
         # rosdep's files use codenames for versions of Ubuntu and Debian.
         name = name if name in {"debian", "ubuntu"} else "ubuntu" if "UBUNTU_CODENAME" in fields else "debian"
-    elif not RED_HAT.isdisjoint(kin) and name not in {"fedora", "openeuler"}:
+    elif not RED_HAT.isdisjoint(ids) and name not in {"fedora", "openeuler"}:
         name, version = "rhel", version.partition(".")[0]
     else:
-        name = next((family for family in _OTHER_FAMILIES if family in kin), name)
-    manager = "apt" if not DEBIAN.isdisjoint(kin) else "dnf" if not RED_HAT.isdisjoint(kin) else ""
+        name = next((family for family in _OTHER_FAMILIES if family in ids), name)
+    manager = "apt" if not DEBIAN.isdisjoint(ids) else "dnf" if not RED_HAT.isdisjoint(ids) else ""
     return System(name, version, manager)
 
 
@@ -85,8 +85,8 @@ def installed_names(manager: str, names: Collection[str], python: str) -> frozen
     if manager == "apt":
         return frozenset(names) & _in_dpkg(DPKG_STATUS)
     if manager in {"dnf", "zypper"} and shutil.which("rpm"):
-        asked = {name: _run("rpm", "-q", "--whatprovides", name) for name in names}
-        return frozenset(name for name, done in asked.items() if done.returncode == 0)
+        results = {name: _run("rpm", "-q", "--whatprovides", name) for name in names}
+        return frozenset(name for name, result in results.items() if result.returncode == 0)
     if manager == "pip":
         return frozenset(_run(python, "-c", _PIP, *names).stdout.splitlines()) & frozenset(names)
     return frozenset()
@@ -109,7 +109,7 @@ def _run(*argv: str) -> subprocess.CompletedProcess[str]:
 
 def install_commands(
     needs: Iterable[DependencyStatus],
-    have: frozenset[tuple[str, str]],
+    installed: frozenset[tuple[str, str]],
     python: str,
     *,
     elevate: bool,
@@ -117,12 +117,12 @@ def install_commands(
 ) -> tuple[dict[str, tuple[str, ...]], dict[str, list[str]]]:
     """Return, by package manager, the install command, and the names that have to be installed by hand.
 
-    `have` contains (package manager, name) of installed packages; `elevate` adds sudo, `ask=False` prevents
-    questions.
+    `installed` contains (package manager, name) of installed packages; `elevate` adds sudo, `ask=False`
+    prevents questions.
     """
     commands: dict[str, tuple[str, ...]] = {}
     manual: dict[str, list[str]] = {}
-    missing = {(need.manager, name) for need in needs for name in need.names if need.manager} - have
+    missing = {(need.manager, name) for need in needs for name in need.names if need.manager} - installed
     for manager, name in sorted(missing):
         # A name that looks like an option would be parsed as one.
         if manager not in _COMMANDS or name.startswith("-"):

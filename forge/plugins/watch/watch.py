@@ -373,7 +373,9 @@ class FileWatcher:
             paths.update(self._watched)
             for folder in self._watched:
                 with suppress(OSError), os.scandir(folder) as entries:
-                    paths.update(e.path for e in entries if not e.is_dir() and self._counts(e.path))
+                    paths.update(
+                        entry.path for entry in entries if not entry.is_dir() and self._counts(entry.path)
+                    )
         return {path: file_state(path) for path in paths}
 
     def moves_folders(self, changed: frozenset[str]) -> bool:
