@@ -216,13 +216,13 @@ class _Package:
 
     def _inputs(self, edge: Edge) -> frozenset[str]:
         """Return the direct and indirect inputs of an edge, and its outputs."""
-        waiting = [*edge.outputs, *self._graph.inputs_of(edge)]
-        paths = set(waiting)
-        while waiting:
-            path = waiting.pop()
+        pending = [*edge.outputs, *self._graph.inputs_of(edge)]
+        paths = set(pending)
+        while pending:
+            path = pending.pop()
             before = self._made.get(path)
             inputs = self._graph.inputs_of(before) if before else self._graph.aliases.get(path, ())
-            waiting += [each for each in inputs if each not in paths]
+            pending += [each for each in inputs if each not in paths]
             paths.update(inputs)
         return frozenset(paths)
 

@@ -412,9 +412,9 @@ def _mark(path: Path) -> bool:
     except (OSError, WorkspaceError):
         return False
     places: list[tuple[int, bool]] = []
-    waiting: list[Element] = [root] if root else []
-    for suite in waiting:
-        waiting += suite.all("testsuite")
+    suites: list[Element] = [root] if root else []
+    for suite in suites:
+        suites += suite.all("testsuite")
         if suite.tag == "testsuite":
             properties = next(suite.all("properties"), None)
             names = properties.all("property") if properties else ()

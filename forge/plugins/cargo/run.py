@@ -228,8 +228,8 @@ def _cargo_root(source: Path) -> Path | None:
     text = _content(source / "Cargo.toml") or ""
     if _CARGO_WORKSPACE.search(text):
         return None
-    if named := _CARGO_ROOT.search(text):
-        return Path(os.path.normpath(source / named[1]))
+    if match := _CARGO_ROOT.search(text):
+        return Path(os.path.normpath(source / match[1]))
     manifests = ((folder, _content(folder / "Cargo.toml") or "") for folder in source.parents)
     return next((folder for folder, text in manifests if _CARGO_WORKSPACE.search(text)), None)
 

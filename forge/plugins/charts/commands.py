@@ -147,13 +147,13 @@ def longest_chain(commands: Sequence[Command], graph: NativeGraph) -> tuple[int,
         # The weight of an edge is that of the command it leads to; -1 precedes all commands.
         chart.add_edge(-1, number, seconds=command.seconds)
         edge = edges.get(command.output)
-        waiting = [*graph.inputs_of(edge)] if edge else []
-        while waiting:
-            path = waiting.pop()
+        pending = [*graph.inputs_of(edge)] if edge else []
+        while pending:
+            path = pending.pop()
             maker = makers.get(path, number)
             if maker != number:
                 chart.add_edge(maker, number, seconds=command.seconds)
-            waiting += graph.aliases.get(path, ())
+            pending += graph.aliases.get(path, ())
     if not nx.is_directed_acyclic_graph(chart):  # a log of another build.ninja
         return ()
     return tuple(number for number in nx.dag_longest_path(chart, "seconds") if number >= 0)

@@ -161,12 +161,12 @@ def _recorded(folder: Path, output: str, clang: str) -> tuple[list[str], str] | 
 def for_clang(words: Sequence[str], clang: str) -> Iterator[str]:
     """Yield a compiler's command for clang, without launchers and outputs; raises LookupError without one."""
     matches = (_COMPILER.fullmatch(word) for word in words)
-    at, kind = next(((at, match[1]) for at, match in enumerate(matches) if match), (0, ""))
+    index, kind = next(((index, match[1]) for index, match in enumerate(matches) if match), (0, ""))
     if not kind:
         raise LookupError(words)
     yield clang if kind.endswith("++") else clang.replace("clang++", "clang")
     skipped = False
-    for word in words[at + 1 :]:
+    for word in words[index + 1 :]:
         if word == "&&":  # a command that CMake appends
             return
         if skipped or word in _OWN_OUTPUTS:

@@ -156,8 +156,8 @@ class Timings(Reporter):
         ]
         machine = memory()
         if processor_times() is not None and machine is not None:
-            begun, taken = self._run.clock, self._sampler.samples
-            samples = [[round(moment - begun, 3), round(busy, 2), used] for moment, busy, used in taken]
+            begun, raw_samples = self._run.clock, self._sampler.samples
+            samples = [[round(moment - begun, 3), round(busy, 2), used] for moment, busy, used in raw_samples]
             size = {"processors": os.cpu_count() or 1, "memory": machine.total, "jobs": self._run.jobs}
             events.append(("Usage", None, {**size, "samples": samples}))
         if self._clang and complete and self._logs.runs:

@@ -148,8 +148,12 @@ class Toolchain:
 
     def _is_current(self) -> bool:
         """Return True if all observed inputs of the reference project are unchanged."""
-        then = read_json(self._home / _READ)
-        return bool(then) and self._observed is not None and contents_of(then, self._observed.table) == then
+        recorded = read_json(self._home / _READ)
+        return (
+            bool(recorded)
+            and self._observed is not None
+            and contents_of(recorded, self._observed.table) == recorded
+        )
 
     def _digest(self) -> str:
         """Return a digest of the results, to detect damaged ones."""

@@ -58,7 +58,7 @@ def _candidates(
     table: Mapping[str, Any], words: Sequence[str], current: str, variables: Mapping[str, str]
 ) -> Iterator[tuple[str, str]]:
     """Yield the possible next words, each with a summary; shells expand '@folders' and '@files'."""
-    path, named = "", ""
+    path, argument = "", ""
     expected: Sequence[str] = ()
     """Whether the preceding option takes one, many or passed-on values, their kind, and more words."""
     for word in words:
@@ -72,11 +72,11 @@ def _candidates(
         elif not number and word in context["words"]:
             path = f"{path} {word}".strip()
         elif not number:
-            named = word
+            argument = word
     context = table[path]
     kind, *more = (expected or context["rest"])[1:] or ("anything",)
-    if kind == "runnable" and named:
-        kind, more = "executables", [named]
+    if kind == "runnable" and argument:
+        kind, more = "executables", [argument]
     values = {"words": more, "folders": ["@folders"], "files": ["@files"]}.get(kind)
     yield from (
         (value, "") for value in (_safe_names((kind, *more), variables) if values is None else values)

@@ -105,8 +105,8 @@ def emulator(target: Target, sysroot: Path | None, variables: Mapping[str, str])
 def has_emulator(layout: Layout) -> bool:
     """Return whether the last build for a target had an emulator, or used files that may name one."""
     own = text_or_nothing(layout.build / TOOLCHAIN_DIR / _FILE)
-    named = _INCLUDE.search(own)
-    text = text_or_nothing(named[1].replace(_HERE, str(layout.build / TOOLCHAIN_DIR))) if named else ""
+    match = _INCLUDE.search(own)
+    text = text_or_nothing(match[1].replace(_HERE, str(layout.build / TOOLCHAIN_DIR))) if match else ""
     return _EMULATOR in own + text or _INCLUDE.search(text) is not None
 
 

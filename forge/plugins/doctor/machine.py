@@ -111,14 +111,14 @@ def limits(subject: CheckContext) -> CheckResult:
     if files != resource.RLIM_INFINITY and files < _OPEN_FILES:
         hint = f"ulimit -n {_OPEN_FILES * 4}"
         warnings.append(Problem(f"the limit for open files is {files} per process", hint=hint))
-    words = os.sysconf("SC_ARG_MAX")
-    taken = sum(len(os.fsencode(f"{name}={value}")) + 1 for name, value in subject.variables.items())
-    if 0 < words < 2 * taken:
+    limit = os.sysconf("SC_ARG_MAX")
+    size = sum(len(os.fsencode(f"{name}={value}")) + 1 for name, value in subject.variables.items())
+    if 0 < limit < 2 * size:
         hint = "open a new terminal and source fewer workspaces"
-        message = f"the environment takes {taken >> 10} KiB of the {words >> 10} KiB limit for new processes"
+        message = f"the environment takes {size >> 10} KiB of the {limit >> 10} KiB limit for new processes"
         warnings.append(Problem(message, hint=hint))
     shown = "any number of" if files == resource.RLIM_INFINITY else files
-    summary = f"{shown} open files, {words >> 10} KiB of arguments"
+    summary = f"{shown} open files, {limit >> 10} KiB of arguments"
     return CheckResult("limits", summary, warnings=tuple(warnings))
 
 

@@ -87,9 +87,9 @@ def resolve(
     unwanted = all_middlewares - {middleware} - wanted.keys()
     users: dict[str, set[str]] = {name: set(names) for name, names in wanted.items()}
     packages: set[str] = set()
-    waiting = list(wanted)
-    while waiting:
-        name = waiting.pop()
+    pending = list(wanted)
+    while pending:
+        name = pending.pop()
         if name in packages or name not in snapshot.releases or is_present(name):
             continue
         packages.add(name)
@@ -99,7 +99,7 @@ def resolve(
             needed.add(middleware)
         for other in needed:
             users.setdefault(other, set()).add(name)
-            waiting.append(other)
+            pending.append(other)
     keys = {name for name in users if name not in snapshot.releases and not is_present(name)}
 
     def sorted_users(names: Collection[str]) -> dict[str, tuple[str, ...]]:

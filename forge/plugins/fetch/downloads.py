@@ -168,12 +168,12 @@ def _installed(
     libraries: Mapping[tuple[str, str, str], Path], variables: Mapping[str, str]
 ) -> set[tuple[str, str, str]]:
     """Return the libraries, with requested and oldest versions, that CMake finds for these packages."""
-    named = {key: path for key, path in libraries.items() if _NAME.fullmatch(key[0])}
+    named_libraries = {key: path for key, path in libraries.items() if _NAME.fullmatch(key[0])}
     cmake = find_cmake(variables)
-    if not named or cmake is None:
+    if not named_libraries or cmake is None:
         return set()
     lines = ["cmake_minimum_required(VERSION 3.10)", "project(libraries)"]
-    for (name, requested, oldest), path in named.items():
+    for (name, requested, oldest), path in named_libraries.items():
         is_new = f' AND NOT "${{{name}_VERSION}}" VERSION_LESS {oldest}' if oldest else ""
         modules = {Path(file).parent for file in cmake_files(path) if Path(file).name == f"Find{name}.cmake"}
         lines += [
@@ -193,4 +193,4 @@ def _installed(
             check=False,
         )
         rows = text_or_nothing(Path(folder, "found.txt")).splitlines()
-    return {key for key in named if " ".join(key) in rows}
+    return {key for key in named_libraries if " ".join(key) in rows}

@@ -100,9 +100,11 @@ def read_lock(root: Path) -> Lock | None:
         fields = read_toml(content, path)
     except WorkspaceError as error:
         raise WorkspaceError(*(replace(each, hint=hint) for each in error.problems)) from None
-    if (written := fields.get("format")) != _FORMAT:
-        if isinstance(written, int) and written > _FORMAT:
-            message = f"the lock has format {written}, written by a newer forge; this one supports {_FORMAT}"
+    if (format_version := fields.get("format")) != _FORMAT:
+        if isinstance(format_version, int) and format_version > _FORMAT:
+            message = (
+                f"the lock has format {format_version}, written by a newer forge; this one supports {_FORMAT}"
+            )
             raise WorkspaceError(Problem(message, Location(path), "upgrade forge"))
         raise WorkspaceError(Problem("not a lock file of forge: 'format' is missing", Location(path), hint))
     try:

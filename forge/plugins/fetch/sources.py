@@ -222,9 +222,9 @@ def in_parallel(
         except ForgeError as error:
             return error
 
-    waiting, pool = list(items), ThreadPoolExecutor(_CONNECTIONS)
+    all_items, pool = list(items), ThreadPoolExecutor(_CONNECTIONS)
     try:
-        yield from zip(waiting, pool.map(attempt, waiting), strict=True)
+        yield from zip(all_items, pool.map(attempt, all_items), strict=True)
     except OSError as error:
         if error.errno != errno.ENOSPC:
             raise

@@ -136,31 +136,31 @@ class Repository:
     def _changed(self) -> Iterator[Path]:
         yield from (self.top / name for name in self.untracked)
         for name in self.tree.keys() | self.index.keys():
-            path, then, now = self.top / name, self.tree.get(name), self.index.get(name)
-            if (then and then.mode == _SUBMODULE) or (now and now.mode == _SUBMODULE):
+            path, base, indexed = self.top / name, self.tree.get(name), self.index.get(name)
+            if (base and base.mode == _SUBMODULE) or (indexed and indexed.mode == _SUBMODULE):
                 if is_repository(path):
                     yield from self._repositories[path].changes
-                elif then != now:
+                elif base != indexed:
                     yield path
-            elif (then is None and os.path.lexists(path)) or (then and self._differs(path, then, now)):
+            elif (base is None and os.path.lexists(path)) or (base and self._differs(path, base, indexed)):
                 yield path
 
-    def _differs(self, path: Path, then: _Entry, now: _Entry | None) -> bool:
+    def _differs(self, path: Path, base: _Entry, indexed: _Entry | None) -> bool:
         try:
             status = path.lstat()
             size, inode = status.st_size % 2**32, status.st_ino % 2**32
             recorded = (status.st_ctime_ns, status.st_mtime_ns, inode, size)
-            if now and now.status == recorded and status.st_mtime_ns < self._index_time:
-                return then != now
-            return then != self._contents(path, status, then, now)
+            if indexed and indexed.status == recorded and status.st_mtime_ns < self._index_time:
+                return base != indexed
+            return base != self._contents(path, status, base, indexed)
         except (FileNotFoundError, NotADirectoryError):
-            return not (now and now.sparse and now == then)
+            return not (indexed and indexed.sparse and indexed == base)
         except OSError:
             return True
 
-    def _contents(self, path: Path, status: os.stat_result, then: _Entry, now: _Entry | None) -> _Entry:
+    def _contents(self, path: Path, status: os.stat_result, base: _Entry, indexed: _Entry | None) -> _Entry:
         """Return the mode and the hash that git computes for this file, unless it converts the contents."""
-        digest = hashlib.new("sha256" if len(then.digest) == 64 else "sha1", usedforsecurity=False)
+        digest = hashlib.new("sha256" if len(base.digest) == 64 else "sha1", usedforsecurity=False)
         if stat.S_ISLNK(status.st_mode):
             target = os.fsencode(path.readlink())
             digest.update(b"blob %d\0%s" % (len(target), target))
@@ -172,7 +172,7 @@ class Repository:
             while chunk := stream.read(1 << 20):
                 digest.update(chunk)
         mode = _PROGRAM if status.st_mode & stat.S_IXUSR else _FILE
-        return _Entry(mode if self._tracks_modes else (now or then).mode, digest.hexdigest())
+        return _Entry(mode if self._tracks_modes else (indexed or base).mode, digest.hexdigest())
 
     @cached_property
     def _tracks_modes(self) -> bool:
@@ -260,11 +260,15 @@ def changed_packages(
     repositories = Repositories(revision)
 
     def is_moved(path: Path) -> bool:
-        for at in (root / path, *(root / path).parents):
-            if at == root:
+        for ancestor in (root / path, *(root / path).parents):
+            if ancestor == root:
                 break
-            link = at.parent.resolve() / at.name
-            if at.is_symlink() and (top := repository_of(link.parent)) and link in repositories[top].changes:
+            link = ancestor.parent.resolve() / ancestor.name
+            if (
+                ancestor.is_symlink()
+                and (top := repository_of(link.parent))
+                and link in repositories[top].changes
+            ):
                 return True
         return False
 
@@ -312,14 +316,14 @@ def is_repository(folder: Path) -> bool:
 
 def repository_of(folder: Path) -> Path | None:
     """Return the top folder of the repository that contains `folder`, which has no links in its path."""
-    return next((at for at in (folder, *folder.parents) if is_repository(at)), None)
+    return next((path for path in (folder, *folder.parents) if is_repository(path)), None)
 
 
 def _with_folders(paths: Iterator[Path]) -> frozenset[Path]:
     all_paths: set[Path] = set()
     for path in paths:
-        for at in (path, *path.parents):
-            if at in all_paths:
+        for folder in (path, *path.parents):
+            if folder in all_paths:
                 break
-            all_paths.add(at)
+            all_paths.add(folder)
     return frozenset(all_paths)

@@ -57,9 +57,9 @@ def run(options: Options) -> int:
 
 def _mark(word: str, workspace: Workspace, hidden: Iterable[IgnoredPackage], options: Options) -> None:
     packages = [each for each in _packages(workspace) if each.name == word]
-    already = next((each for each in hidden if each.name == word and not packages), None)
-    if already:
-        print(f"'{word}' is ignored already, because of '{displayed(already.file, options.origin)}'")
+    ignored_package = next((each for each in hidden if each.name == word and not packages), None)
+    if ignored_package:
+        print(f"'{word}' is ignored already, because of '{displayed(ignored_package.file, options.origin)}'")
         return
     folders = [each.path for each in packages] or _folders_of(word, workspace, hidden, options)
     if len(folders) > 1:
@@ -71,13 +71,13 @@ def _mark(word: str, workspace: Workspace, hidden: Iterable[IgnoredPackage], opt
     if os.path.lexists(mark):
         print(f"'{word}' is ignored already, because of '{shown}'")
         return
-    gone = [each.name for each in _packages(workspace) if each.path.is_relative_to(folders[0])]
+    newly_ignored = [each.name for each in _packages(workspace) if each.path.is_relative_to(folders[0])]
     write_if_changed(mark, "")
-    print(f"ignored {listed(gone) if gone else repr(word)}: created '{shown}'")
+    print(f"ignored {listed(newly_ignored) if newly_ignored else repr(word)}: created '{shown}'")
     needed: dict[str, list[str]] = {}
     for each in _packages(workspace):
-        for dependency in () if each.name in gone else each.manifest.dependencies:
-            if dependency.name in gone:
+        for dependency in () if each.name in newly_ignored else each.manifest.dependencies:
+            if dependency.name in newly_ignored:
                 needed.setdefault(dependency.name, []).append(each.name)
     print_warnings(
         Problem(f"'{name}' must be installed elsewhere for {listed(sorted(users))}")
@@ -86,26 +86,26 @@ def _mark(word: str, workspace: Workspace, hidden: Iterable[IgnoredPackage], opt
 
 
 def _unmark(word: str, workspace: Workspace, hidden: Iterable[IgnoredPackage], options: Options) -> None:
-    named = [each for each in hidden if each.name == word]
-    if not named and word in workspace.packages:
+    matches = [each for each in hidden if each.name == word]
+    if not matches and word in workspace.packages:
         hint = "'forge ignore --list' lists what is ignored"
         raise SelectionError(Problem(f"'{word}' is not ignored", hint=hint))
-    if len(named) > 1:
-        paths = listed([displayed(each.path, options.origin) for each in named])
+    if len(matches) > 1:
+        paths = listed([displayed(each.path, options.origin) for each in matches])
         hint = "give the path of the package to include again"
         raise SelectionError(Problem(f"several ignored packages are named '{word}': {paths}", hint=hint))
-    folder = named[0].path if named else _folders_of(word, workspace, hidden, options)[0]
+    folder = matches[0].path if matches else _folders_of(word, workspace, hidden, options)[0]
     mark = folder / IGNORE_MARK
     shown = displayed(mark, options.origin)
     if not os.path.lexists(mark):
-        if not named:
+        if not matches:
             where = f"there is no '{shown}'"
             raise SelectionError(
                 Problem(
                     f"'{word}' is not ignored: {where}", hint="'forge ignore --list' lists what is ignored"
                 )
             )
-        raise SelectionError(_hidden_elsewhere(named[0], hidden, options))
+        raise SelectionError(_hidden_elsewhere(matches[0], hidden, options))
     if not is_own_ignore_mark(mark):
         hint = "remove it yourself if nobody needs it"
         raise SelectionError(Problem(f"'{shown}' is not empty, so forge did not write it", hint=hint))

@@ -103,8 +103,8 @@ def _write(root: Path, texts: Mapping[str, str], origin: str) -> None:
     """Write all files or none; raises WorkspaceError if one exists, HostError if one cannot be written."""
     existing = [displayed(path, origin) for path in texts if os.path.lexists(root / path)]
     if existing:
-        verb, it = ("exists", "it") if len(existing) == 1 else ("exist", "them")
-        hint = f"move {it} away; '--dry-run' prints what would be written"
+        verb, pronoun = ("exists", "it") if len(existing) == 1 else ("exist", "them")
+        hint = f"move {pronoun} away; '--dry-run' prints what would be written"
         raise WorkspaceError(Problem(f"{quoted_names(existing)} {verb}: nothing was written", hint=hint))
     written: list[Path] = []
     folders: list[Path] = []

@@ -100,7 +100,9 @@ def compare(old: Version, new: Version) -> list[Difference]:
     """Return the interfaces that differ or cannot be compared, sorted by name."""
     differences, wires = [], _Wires(old, new)
     for name in sorted(old.names | new.names):
-        if invalid := tuple(each for each, at in (("old", old), ("new", new)) if name in at.invalid):
+        if invalid := tuple(
+            each for each, version in (("old", old), ("new", new)) if name in version.invalid
+        ):
             differences.append(Difference(name, frozenset(), invalid_in=invalid))
         elif name not in new.interfaces:
             differences.append(
@@ -183,11 +185,11 @@ class _Wires:
 
 def _places(message: Message, version: Version) -> dict[str, tuple[_Layout, _Layout]]:
     """Return the layout of the preceding fields, and that of the field itself, for each field."""
-    at, layouts = _Layout(), {}
+    offset, layouts = _Layout(), {}
     for each in message.fields:
         own = _layout(each.type, version)
-        layouts[each.name] = at, own
-        at += own
+        layouts[each.name] = offset, own
+        offset += own
     return layouts
 
 
@@ -220,8 +222,8 @@ def _enumeration_changes(where: str, old: Message, new: Message) -> Iterator[Cha
             yield Change(f"enumeration '{name}'{where} is new")
         elif name not in after:
             yield Change(f"enumeration '{name}'{where} was removed", api=True)
-        elif gone := sorted(before[name].keys() - after[name].keys()):
-            yield Change(f"enumeration '{name}'{where} no longer has {' and '.join(gone)}", api=True)
+        elif removed := sorted(before[name].keys() - after[name].keys()):
+            yield Change(f"enumeration '{name}'{where} no longer has {' and '.join(removed)}", api=True)
 
 
 def _constant(constant: Constant) -> str:

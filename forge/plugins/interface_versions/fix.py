@@ -153,9 +153,9 @@ def _collisions(fixes: Iterable[Fix]) -> Iterator[Problem]:
         if other != source:
             text = f"'{_displayed(source)}' and '{_displayed(other)}' would both be called '{target.name}'"
             yield Problem(text, hint="rename one of them")
-        for taken in {target, target.with_suffix(".idl")}:
-            if os.path.lexists(taken):
-                yield Problem(f"'{_displayed(taken)}' exists already", hint=f"remove it, or '{source}'")
+        for path in {target, target.with_suffix(".idl")}:
+            if os.path.lexists(path):
+                yield Problem(f"'{_displayed(path)}' exists already", hint=f"remove it, or '{source}'")
 
 
 def _write(fixes: Iterable[Fix]) -> None:

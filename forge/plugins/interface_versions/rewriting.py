@@ -113,8 +113,8 @@ def _with_prefix(line: str, constants: Mapping[str, str]) -> str:
     def better(match: re.Match[str]) -> str:
         prefix = match["prefix"]
         members = [new for old, new in constants.items() if old.startswith(prefix)]
-        now = (valid_name(f"{prefix}X", "constant") or prefix).removesuffix("X")
-        return now if members and all(new.startswith(now) for new in members) else prefix
+        new_prefix = (valid_name(f"{prefix}X", "constant") or prefix).removesuffix("X")
+        return new_prefix if members and all(new.startswith(new_prefix) for new in members) else prefix
 
     return code + mark + _PREFIX.sub(better, comment)
 
@@ -131,8 +131,8 @@ def _better_name(declaration: re.Match[str]) -> str:
     return better
 
 
-def _type(written: str, package: str, own: Collection[str], types: Mapping[str, str]) -> str:
-    home, _, name = written.rpartition("/")
-    if (full := f"{home or package}/{name}") in types and (home or name not in _NAMES_OF_TYPES):
-        return f"{home}{'/' if home else ''}{types[full]}"
-    return BUILT_IN.get(written, written) if written not in own else written
+def _type(text: str, package: str, own: Collection[str], types: Mapping[str, str]) -> str:
+    home, _, name = text.rpartition("/")
+    if (full_name := f"{home or package}/{name}") in types and (home or name not in _NAMES_OF_TYPES):
+        return f"{home}{'/' if home else ''}{types[full_name]}"
+    return BUILT_IN.get(text, text) if text not in own else text

@@ -75,16 +75,16 @@ def _extract(listing: bytes, folder: Path, revision: str) -> None:
         if PurePosixPath(path).with_name("package.xml").as_posix() in objects:
             objects[path] = name
     contents = _git("cat-file", "--batch", content="\n".join(objects.values()).encode()).stdout
-    at = 0
+    offset = 0
     for path in objects:
-        end = contents.index(b"\n", at)
-        size = contents[at:end].rpartition(b" ")[2]
+        end = contents.index(b"\n", offset)
+        size = contents[offset:end].rpartition(b" ")[2]
         if not size.isdigit():
             message = f"'{path}' of '{revision}' is not in this clone"
             raise SelectionError(Problem(message, hint="fetch it: git fetch --unshallow, or --refetch"))
-        at = end + 1 + int(size) + 1
+        offset = end + 1 + int(size) + 1
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
-        (folder / path).write_bytes(contents[end + 1 : at - 1])
+        (folder / path).write_bytes(contents[end + 1 : offset - 1])
 
 
 def _is_read(path: PurePosixPath) -> bool:
@@ -186,6 +186,6 @@ def _valid_ones(parsed: list[Parsed], library: _Version, error: InterfaceError) 
             library.invalid[other] = problems
     if len(library.invalid) == before:  # each is valid alone: two of them have the same name
         places = {problem.location.path for problem in error.problems if problem.location}
-        several = [each for each in parsed if each.source.path in places] or parsed
-        library.invalid |= {each.interface.name: error.problems for each in several}
+        duplicates = [each for each in parsed if each.source.path in places] or parsed
+        library.invalid |= {each.interface.name: error.problems for each in duplicates}
     return [each for each in parsed if each.interface.name not in library.invalid]

@@ -47,11 +47,11 @@ def files(catalog: Catalog) -> Iterator[File]:
 
 def _below(message: Message, known: Mapping[TypeName, Message]) -> set[TypeName]:
     names: set[TypeName] = set()
-    waiting = [message]
-    while waiting:
-        new = nested_types([waiting.pop()]) - names
+    pending = [message]
+    while pending:
+        new = nested_types([pending.pop()]) - names
         names |= new
-        waiting += [known[name] for name in new]
+        pending += [known[name] for name in new]
     return names
 
 

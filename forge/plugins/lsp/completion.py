@@ -106,12 +106,12 @@ def _types(index: Index, reading: Reading, typed: str) -> Iterator[Proposal]:
     word = typed.lower()
     for name in messages if typed else ():
         # Propose only a few of thousands of messages; a package matches the text before '/'.
-        likely = (
+        is_match = (
             own == name.package
             if own
             else name.name.lower().startswith(word) or name.package.startswith(word)
         )
-        if likely and name.package != package:
+        if is_match and name.package != package:
             label = f"{name.package}/{name.name}"
             yield Proposal(label, "type", match=None if own else name.name, detail=str(name))
 

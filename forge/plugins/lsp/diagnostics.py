@@ -46,11 +46,11 @@ def diagnose(index: Index, path: Path) -> tuple[Diagnostic, ...]:
         lines = reading.source.text.splitlines()
         errors = (*reading.problems, *_unresolved(index, reading))
         diagnostics = _all(errors, "error", lines)
-        wrong = {each.span.line for each in diagnostics}
+        error_lines = {each.span.line for each in diagnostics}
         diagnostics += [
             diagnostic
             for diagnostic in _all(_doubtful(index, reading), "warning", lines)
-            if diagnostic.span.line not in wrong
+            if diagnostic.span.line not in error_lines
         ]
     else:
         diagnostics = []
@@ -116,12 +116,12 @@ class _NearbyTypes:
         self._index = index
         self._reading = reading
         self._containers = {reading.name}
-        waiting = [reading.name]
-        while waiting:
-            users = filter(None, (index.readings.get(user) for user, _ in index.uses(waiting.pop())))
+        pending = [reading.name]
+        while pending:
+            users = filter(None, (index.readings.get(user) for user, _ in index.uses(pending.pop())))
             new_names = {user.name for user in users} - self._containers
             self._containers |= new_names
-            waiting += new_names
+            pending += new_names
 
     def find(self, name: TypeName) -> Parsed | None:
         """Return an interface; the contents of a message that cannot lead to a cycle are left out."""
@@ -145,9 +145,9 @@ class _NearbyTypes:
         names = list(self._index.names())
         packages = {name.package for name in names}
         wanted = {name.package for name in unknown}
-        near = wanted | {nearest(package, packages) for package in wanted}
+        near_packages = wanted | {nearest(package, packages) for package in wanted}
         stems = {name.name for name in unknown}
-        return tuple(name for name in names if name.package in near or name.name in stems)
+        return tuple(name for name in names if name.package in near_packages or name.name in stems)
 
     def distribution_hint(self, name: TypeName) -> str | None:
         """Return which ROS distributions have an interface that this one lacks, or None."""

@@ -97,10 +97,10 @@ def _bytes(smallest: int, largest: int | None) -> str:
 def _declared(member: Field | Constant) -> str:
     """Return a declaration in the notation of .msg files."""
     text = type_text(member.type, "")
-    written = f"{text.word}{text.suffix} {member.name}"
+    declaration = f"{text.word}{text.suffix} {member.name}"
     if isinstance(member, Field):
-        return written if member.default is None else f"{written} {value_text(member.default)}"
-    return f"{written}={value_text(member.value)}"
+        return declaration if member.default is None else f"{declaration} {value_text(member.default)}"
+    return f"{declaration}={value_text(member.value)}"
 
 
 def _code(lines: list[str]) -> str:

@@ -85,13 +85,13 @@ class Index:
     def refresh_changed(self) -> None:
         """Read all files again that were changed, created or removed in the meantime."""
         for path, stamp in tuple(self._stamps.items()):
-            now = _changed(path)
-            if now == stamp:
+            new_stamp = _changed(path)
+            if new_stamp == stamp:
                 continue
-            self._stamps[path] = now
+            self._stamps[path] = new_stamp
             if is_known(path):
                 self.refresh(path)
-            elif now is not None:
+            elif new_stamp is not None:
                 for each in sorted(path.iterdir()):
                     if each not in self._stamps:
                         self.refresh(each)

@@ -52,8 +52,8 @@ def definition(index: Index, path: Path, line: int, column: int) -> Place | None
     if mention := mention_at(index, path, line, column):
         manifest_path = package_manifest(index, mention.name)
         manifest = index.manifests.get(manifest_path) if manifest_path else None
-        named = (each.span for each in manifest.mentions if each.tag == "name") if manifest else iter(())
-        return Place(manifest_path, next(named, _START)) if manifest_path else None
+        spans = (each.span for each in manifest.mentions if each.tag == "name") if manifest else iter(())
+        return Place(manifest_path, next(spans, _START)) if manifest_path else None
     reading = index.readings.get(path)
     occurrence = occurrence_at(reading, line, column) if reading else None
     if reading is None or occurrence is None:
@@ -89,8 +89,8 @@ def references(index: Index, path: Path, line: int, column: int, *, declaration:
         return [Place(path, _span(each)) for each in occurrences]
     name = (occurrence.type if occurrence else None) or reading.name
     declared = _type_place(index, name) if declaration else None
-    used = (Place(user, _span(use)) for user, use in uses(index, name))
-    return [*([declared] if declared else []), *used]
+    places = (Place(user, _span(use)) for user, use in uses(index, name))
+    return [*([declared] if declared else []), *places]
 
 
 def uses(index: Index, name: TypeName) -> Iterator[tuple[Path, Occurrence]]:

@@ -76,8 +76,8 @@ class Reading:
         """The name of the interface; of a broken .idl file, the one implied by its path."""
         if self.interface:
             return self.interface.name
-        named = type_name(self.source)
-        return replace(named, kind=self.source.relative.partition("/")[0])
+        implied_name = type_name(self.source)
+        return replace(implied_name, kind=self.source.relative.partition("/")[0])
 
 
 def read_leniently(source: Source) -> Reading:
@@ -128,10 +128,10 @@ def _in_idl(reader: FileReader, interface: Interface | None) -> Iterator[Occurre
             place = reader.place(word.start_pos or 0)
             yield _at(place, NameKind.INTERFACE, word.removesuffix(_CONSTANTS), main)
     for first, last, name in reader.references:
-        written = _at(reader.place(last.start_pos or 0), NameKind.REFERENCE, name.name, main, name)
+        occurrence = _at(reader.place(last.start_pos or 0), NameKind.REFERENCE, name.name, main, name)
         start = reader.place(first.start_pos or 0)
-        same_line = start.line == written.line + 1
-        yield replace(written, start=(start.column or 1) - 1) if same_line else written
+        same_line = start.line == occurrence.line + 1
+        yield replace(occurrence, start=(start.column or 1) - 1) if same_line else occurrence
     for kind, words in ((NameKind.TYPEDEF, reader.typedefs), (NameKind.ALIAS, reader.aliases)):
         for word in words:
             yield _at(reader.place(word.start_pos or 0), kind, str(word), main)

@@ -142,9 +142,9 @@ def _in_cmake(index: Index, reading: Reading, old: str, new: str) -> Iterator[Ed
     path = manifest.path.with_name(_CMAKE)
     folder, _, file = reading.source.relative.rpartition("/")
     start = rf"(?:(?<![\w/])|{_OWN_FOLDER}/){re.escape(folder)}/"
-    written = re.compile(rf"{start}({re.escape(old)}){re.escape(file[len(old) :])}(?!\w)")
+    pattern = re.compile(rf"{start}({re.escape(old)}){re.escape(file[len(old) :])}(?!\w)")
     for number, line in enumerate(index.text(path).splitlines()):
-        for match in written.finditer(line):
+        for match in pattern.finditer(line):
             yield Edit(path, Span(number, *match.span(1)), new)
 
 

@@ -86,13 +86,13 @@ def _names(fields: Iterable[Field]) -> Iterator[str]:
 
     A field whose JSON name equals that of an earlier field gets its number as suffix.
     """
-    taken = set()
+    json_names = set()
     for number, field in enumerate(fields, start=1):
         name = field.name
         # Until version 22, protoc compared these names, since then those in camel case.
-        while (key := name.replace("_", "").lower()) in taken:
+        while (key := name.replace("_", "").lower()) in json_names:
             name = f"{name}_field{number}"
-        taken.add(key)
+        json_names.add(key)
         yield name
 
 
@@ -103,8 +103,8 @@ def _comments(doc: Iterable[str], unit: str | None = None) -> list[str]:
 
 def _declaration(member: Field | Constant, package: str) -> str:
     """Return a member as in a .msg file, without its comment."""
-    written = type_text(member.type, package)
-    type_ = written.word + written.suffix
+    text = type_text(member.type, package)
+    type_ = text.word + text.suffix
     if isinstance(member, Constant):
         return f"{type_} {member.name}={value_text(member.value)}"
     return f"{type_} {member.name} {value_text(member.default)}".rstrip()

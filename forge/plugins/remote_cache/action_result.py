@@ -81,25 +81,25 @@ def _fields(data: bytes) -> Iterator[tuple[int, Any]]:
 
     Fixed-size fields and groups are skipped, since forge uses none.
     """
-    at, groups = 0, list[int]()
-    while at < len(data):
-        tag, at = _varint(data, at)
+    offset, groups = 0, list[int]()
+    while offset < len(data):
+        tag, offset = _varint(data, offset)
         number, kind = tag >> 3, tag & 7
         if not 0 < number < 1 << 29:
             raise ValueError("invalid field number")
         value: int | bytes | None = None
         if kind == _VARINT:
-            value, at = _varint(data, at)
+            value, offset = _varint(data, offset)
         elif kind == _BYTES:
-            length, at = _varint(data, at)
-            value, at = data[at : at + length], at + length
+            length, offset = _varint(data, offset)
+            value, offset = data[offset : offset + length], offset + length
         elif kind in {_FIXED32, _FIXED64}:
-            at += 4 if kind == _FIXED32 else 8
+            offset += 4 if kind == _FIXED32 else 8
         elif kind == _GROUP and len(groups) < _MAX_DEPTH:  # a deprecated type
             groups.append(number)
         elif kind != _GROUP_ENDS or not groups or groups.pop() != number:
             raise ValueError("invalid wire type")
-        if at > len(data):
+        if offset > len(data):
             raise ValueError("the message ends in the middle of a field")
         if value is not None and not groups:
             yield tag, value
@@ -107,15 +107,15 @@ def _fields(data: bytes) -> Iterator[tuple[int, Any]]:
         raise ValueError("the message ends in the middle of a group")
 
 
-def _varint(data: bytes, at: int) -> tuple[int, int]:
+def _varint(data: bytes, offset: int) -> tuple[int, int]:
     """Return a varint and its end: seven bits in each byte, the lowest first, 64 bits at most."""
-    if at < len(data) and data[at] < 0x80:
-        return data[at], at + 1
+    if offset < len(data) and data[offset] < 0x80:
+        return data[offset], offset + 1
     value = 0
-    for index, byte in enumerate(data[at : at + 10]):
+    for index, byte in enumerate(data[offset : offset + 10]):
         value |= (byte & 0x7F) << (7 * index)
         if byte < 0x80:
-            return value & 0xFFFF_FFFF_FFFF_FFFF, at + index + 1
+            return value & 0xFFFF_FFFF_FFFF_FFFF, offset + index + 1
     raise ValueError("unterminated varint")
 
 

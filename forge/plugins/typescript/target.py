@@ -43,9 +43,9 @@ def _module(interface: Interface) -> str:
     messages = sections_of(interface)
     own = {message.name for message in messages}
     others = sorted(nested_types(messages) - own)
-    taken = [name.name for name in (*own, *others)]
+    short_names = [name.name for name in (*own, *others)]
     names = {name: name.name for name in own} | {
-        name: name.name if taken.count(name.name) == 1 else f"{name.package}_{name.kind}_{name.name}"
+        name: name.name if short_names.count(name.name) == 1 else f"{name.package}_{name.kind}_{name.name}"
         for name in others
     }
     return render(
