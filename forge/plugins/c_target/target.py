@@ -81,14 +81,20 @@ def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
         yield part(
             "struct",
             _runtime(messages, ""),
-            math=any(needs_math(c.value, c.type) for message in messages for c in message.constants),
+            math=any(
+                needs_math(constant.value, constant.type)
+                for message in messages
+                for constant in message.constants
+            ),
             messages=[_struct_view(message) for message in messages],
         )
         yield part(
             "functions",
             {"rosidl_runtime_c/sequence_functions.h", *_runtime(messages, "_functions")},
             (detail_path(name, "struct", "h"),),
-            math=any(needs_math(f.default, f.type) for message in messages for f in message.fields),
+            math=any(
+                needs_math(field.default, field.type) for message in messages for field in message.fields
+            ),
             messages=[functions_view(message) for message in messages],
         )
         runtime = {f"rosidl_runtime_c/{handle.kind}_type_support_struct.h" for handle in interface_handles}
@@ -130,7 +136,8 @@ def _struct_view(message: Message) -> dict[str, Any]:
         "constants": [_constant(message, constant) for constant in message.constants],
         "bounds": [line for field in message.fields for line in _bounds(message, field)],
         "members": [
-            {"doc": comment(f.doc, f.unit), "text": f"{declare(f.type, f.name)};"} for f in message.members
+            {"doc": comment(field.doc, field.unit), "text": f"{declare(field.type, field.name)};"}
+            for field in message.members
         ],
     }
 

@@ -186,13 +186,13 @@ class _Leaf:
     cpp: str
 
 
-def snippets(interface: Interface, known: Mapping[TypeName, Message]) -> dict[str, str]:
-    """Return the example for an interface in both languages; `known` contains all nested messages."""
+def snippets(interface: Interface, messages: Mapping[TypeName, Message]) -> dict[str, str]:
+    """Return the example for an interface in both languages; `messages` contains all nested messages."""
     name = interface.name
     python = [f"from {name.package}.{name.kind} import {name.name}", ""]
     cpp = [f'#include "{name.package}/{name.kind}/{snake_case(name.name)}.hpp"', ""]
     for variable, part, message in _variables(interface):
-        leaves = _leaves(message, known)
+        leaves = _leaves(message, messages)
         python += [
             f"{variable} = {name.name}{part}()",
             *(f"{variable}.{leaf.path} = {leaf.python}" for leaf in leaves),
@@ -216,14 +216,14 @@ def _variables(interface: Interface) -> Iterator[tuple[str, str, Message]]:
             yield "result", ".Result", result
 
 
-def _leaves(message: Message, known: Mapping[TypeName, Message]) -> list[_Leaf]:
+def _leaves(message: Message, messages: Mapping[TypeName, Message]) -> list[_Leaf]:
     """Return a few members that one statement can assign, direct members before nested ones."""
-    candidates = (_leaf(member.name, member.type, known, _DEPTH) for member in message.fields)
+    candidates = (_leaf(member.name, member.type, messages, _DEPTH) for member in message.fields)
     leaves = [leaf for leaf in candidates if leaf]
     return sorted(leaves, key=lambda leaf: leaf.path.count("."))[:_ASSIGNMENTS]
 
 
-def _leaf(path: str, type_: Type, known: Mapping[TypeName, Message], depth: int) -> _Leaf | None:
+def _leaf(path: str, type_: Type, messages: Mapping[TypeName, Message], depth: int) -> _Leaf | None:
     match type_:
         case Primitive(name) if name != "wchar":
             return _Leaf(path, _PYTHON.get(name, "1"), _CPP.get(name, "1"))
@@ -232,7 +232,8 @@ def _leaf(path: str, type_: Type, known: Mapping[TypeName, Message], depth: int)
             return _Leaf(path, f'"{word}"', f'{"u" if wide else ""}"{word}"')
         case Named(name) if depth:
             leaves = (
-                _leaf(f"{path}.{member.name}", member.type, known, depth - 1) for member in known[name].fields
+                _leaf(f"{path}.{member.name}", member.type, messages, depth - 1)
+                for member in messages[name].fields
             )
             return next((leaf for leaf in leaves if leaf), None)
         case Array(Primitive(name)) if name not in {"wchar", "octet"}:

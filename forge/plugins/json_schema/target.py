@@ -45,13 +45,13 @@ def files(catalog: Catalog) -> Iterator[File]:
             yield File(f"{name.package}/{name.kind}/{name.name}.schema.json", text)
 
 
-def _below(message: Message, known: Mapping[TypeName, Message]) -> set[TypeName]:
+def _below(message: Message, messages: Mapping[TypeName, Message]) -> set[TypeName]:
     names: set[TypeName] = set()
     pending = [message]
     while pending:
         new = nested_types([pending.pop()]) - names
         names |= new
-        pending += [known[name] for name in new]
+        pending += [messages[name] for name in new]
     return names
 
 
