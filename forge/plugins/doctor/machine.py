@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import resource
+import shlex
 import shutil
 import tempfile
 import time
@@ -73,7 +74,7 @@ def owners(subject: CheckContext) -> CheckResult:
         return CheckResult("owner", "results are writable")
     problem = Problem(
         f"another user owns {listed(foreign)}",
-        hint=f"run 'sudo chown -R $(id -un): {' '.join(sorted(bases))}', and build without sudo",
+        hint=f"run 'sudo chown -R $(id -un): {shlex.join(sorted(bases))}', and build without sudo",
     )
     return CheckResult("owner", "results of another user", errors=(problem,))
 

@@ -152,9 +152,9 @@ def _find_packages(options: Options, package: Package) -> None:
     shown = shared.displayed(path, options.origin)
     top = [call.line for call in find_package_calls if not call.conditions]
     if lines and options.cmake and top:
-        rows = text.split("\n")
-        rest = "\n".join(rows[top[-1] - 1 :])
-        after = top[-1] + rest[: rest.index(")")].count("\n")
+        rows, start = text.split("\n"), top[-1] - 1
+        ends = range(start + 1, len(rows) + 1)
+        after = next(end for end in ends if any(calls("\n".join(rows[start:end]))))
         replace_file(path, "\n".join((*rows[:after], *lines, *rows[after:])).encode())
         print(f"wrote to {shown}:", *lines, sep="\n  ")
     elif lines:

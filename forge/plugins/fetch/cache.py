@@ -9,7 +9,7 @@ from __future__ import annotations
 import fcntl
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from forge.base.errors import ForgeError
@@ -29,18 +29,17 @@ def entries(variables: Mapping[str, str]) -> Iterator[CacheEntry]:
     cache = _cache(variables)
     last_uses: dict[Path, float] = {}
     for folder in _underlays(cache):
-        built = folder / BUILT
-        last_use = (built if built.exists() else folder).stat().st_mtime
+        last_use = _time_of(folder / BUILT) or _time_of(folder)
         for source in linked_sources(folder).values():
             last_uses[source] = max(last_use, last_uses.get(source, 0.0))
         yield CacheEntry(_UNDERLAY, folder.name, folder, _size(folder), last_use)
     for folder in _sources(cache):
-        last_use = max(folder.stat().st_mtime, last_uses.get(folder, 0.0))
+        last_use = max(_time_of(folder), last_uses.get(folder, 0.0))
         name = f"{folder.parent.name} {folder.name.rpartition('-')[0]}"
         yield CacheEntry(_SOURCE, name, folder, _size(folder), last_use)
     for folder in _clones(cache):
         url = text_or_nothing(folder / "description").removeprefix(git.MARK).strip()
-        yield CacheEntry(_CLONE, f"{url} {folder.stem[:12]}", folder, _size(folder), folder.stat().st_mtime)
+        yield CacheEntry(_CLONE, f"{url} {folder.stem[:12]}", folder, _size(folder), _time_of(folder))
 
 
 def remove(entry: CacheEntry) -> bool:
@@ -113,10 +112,19 @@ def _clones(cache: Path) -> list[Path]:
     return [path for path in folders if text_or_nothing(path / "description").startswith(git.MARK)]
 
 
+def _time_of(path: Path) -> float:
+    """Return the modification time, 0 if another process has removed the path meanwhile."""
+    try:
+        return path.stat().st_mtime
+    except OSError:
+        return 0.0
+
+
 def _size(folder: Path) -> int:
     """Return the size of the files in a folder, without following links."""
-    return sum(
-        os.lstat(os.path.join(place, name)).st_size  # noqa: PTH118  (each file of an underlay)
-        for place, _, names in os.walk(folder)
-        for name in names
-    )
+    size = 0
+    for place, _, names in os.walk(folder):
+        for name in names:
+            with suppress(OSError):  # removed meanwhile
+                size += os.lstat(os.path.join(place, name)).st_size  # noqa: PTH118  (each file of an underlay)
+    return size

@@ -153,7 +153,7 @@ def _collisions(fixes: Iterable[Fix]) -> Iterator[Problem]:
         if other != source:
             text = f"'{_displayed(source)}' and '{_displayed(other)}' would both be called '{target.name}'"
             yield Problem(text, hint="rename one of them")
-        for path in {target, target.with_suffix(".idl")}:
+        for path in dict.fromkeys((target, target.with_suffix(".idl"))):
             if os.path.lexists(path):
                 yield Problem(f"'{_displayed(path)}' exists already", hint=f"remove it, or '{source}'")
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from forge.base.errors import ForgeError, InterfaceError
-from forge.base.files import text_or_nothing
+from forge.base.files import names_in, text_or_nothing
 from forge.base.names import snake_case
 from forge.interfaces.model import Message, Source, TypeName
 from forge.interfaces.read.parsing import ENDINGS, Parsed
@@ -92,7 +92,7 @@ class Index:
             if is_known(path):
                 self.refresh(path)
             elif new_stamp is not None:
-                for each in sorted(path.iterdir()):
+                for each in (path / name for name in names_in(path)):
                     if each not in self._stamps:
                         self.refresh(each)
 

@@ -15,7 +15,7 @@ CMAKE = """\
 cmake_minimum_required(VERSION 3.22)
 project(hello)
 find_package(ament_cmake REQUIRED)
-find_package(rclcpp
+find_package(rclcpp  # (for nodes)
   REQUIRED)
 ament_package()
 """
