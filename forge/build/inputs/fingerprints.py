@@ -117,7 +117,7 @@ class FileTable:
         """Files with a new content digest, with their previous digest or None if it was unknown."""
         self.trees: dict[str, tuple[Fingerprint, Manifest]] = {}
         """The last result of `fingerprint_tree` by root, if it has a stamp."""
-        self.stats: dict[Sequence[str], Sequence[str]] = {}
+        self.stats: dict[tuple[str, ...], Sequence[str]] = {}
         """The stats of the files for which `fingerprint_files` was called with a known fingerprint."""
 
     def digest(self, path: str, status: os.stat_result, stat_text: str = "") -> str:
