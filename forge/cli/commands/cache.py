@@ -127,12 +127,15 @@ def _verify(options: _Options) -> int:
     for path, why in result.corrupt:
         print(f"removed {path.relative_to(store.folder)}: {why}")
     print(f"read {_shown(result.size)} in {result.files} files; {len(result.corrupt)} corrupt")
-    faults = [
-        fault for name, plugin in _plugins(options.cache) for fault in call(name, plugin.verify, os.environ)
-    ]
-    for path, why in faults:
-        print(f"{path}: {why}")
-    return int(bool(result.corrupt or faults))
+    corrupt = bool(result.corrupt)
+    for name, plugin in _plugins(options.cache):
+        faults = list(call(f"the cache '{name}'", plugin.verify, os.environ))
+        for path, why in faults:
+            print(f"{path}: {why}")
+        if count := len(_entries(name, plugin)):
+            print(f"{name}: {len(faults)} of {count} entries have faults")
+        corrupt = corrupt or bool(faults)
+    return int(corrupt)
 
 
 def _plugins(folder: str | None = None) -> Iterator[tuple[str, Any]]:

@@ -14,6 +14,7 @@ from forge.interfaces.read.literals import (
     ParseError,
     check_length,
     check_range,
+    check_size,
     escaped_character,
     within_bound,
 )
@@ -65,14 +66,12 @@ def read_expression(tree: Tree[Token]) -> Expression:
 
 
 def read_size(tree: Tree[Token]) -> int:
-    """Parse a size or bound: a decimal number of at least 1. Raises ParseError."""
+    """Parse a size or bound: a decimal number. Raises ParseError."""
     size = read_expression(tree)
     if size.kind != "integer":
         hint = "constants are not supported here"
         raise ParseError("a size must be a decimal number", offset=size.offset, hint=hint)
-    if int(size.value) < 1:
-        raise ParseError("a size must be at least 1", offset=size.offset)
-    return int(size.value)
+    return check_size(int(size.value), size.offset)
 
 
 def value_of(written: Expression, type_: Type) -> Value:

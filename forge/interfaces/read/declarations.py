@@ -9,7 +9,7 @@ from functools import cache
 from forge.base.frozen import frozen
 from forge.base.names import CPP_KEYWORDS, LOWER_NAME, did_you_mean, snake_case
 from forge.interfaces.model import Array, Element, Named, Primitive, Sequence, String, Type, TypeName
-from forge.interfaces.read.literals import ParseError
+from forge.interfaces.read.literals import ParseError, check_size
 
 PRIMITIVES = {
     "bool": "boolean",
@@ -174,14 +174,12 @@ def _message(package: str, name: str, offset: int) -> Named:
 
 
 def _size(text: str, offset: int) -> int:
-    """Parse a size or bound as int() does, as rosidl; it must be at least 1."""
+    """Parse a size or bound as int() does, as rosidl."""
     try:
         size = int(text)
     except ValueError:
         raise _no_size(text, offset) from None
-    if size < 1:
-        raise ParseError("a size must be at least 1", offset=offset)
-    return size
+    return check_size(size, offset)
 
 
 def _no_size(text: str, offset: int) -> ParseError:

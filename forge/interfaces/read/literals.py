@@ -75,6 +75,18 @@ def check_length(values: tuple[object, ...], type_: Array | Sequence) -> None:
             raise ParseError(f"expected at most {counted(bound, 'element')}, found {len(values)}")
 
 
+def check_size(size: int, offset: int) -> int:
+    """Return the size of an array, or the bound of a sequence or string; raises ParseError if it is invalid.
+
+    Type descriptions store it in 64 bits (REP 2011: `capacity`, `string_capacity`), where 0 means unbounded.
+    """
+    if size < 1:
+        raise ParseError("a size must be at least 1", offset=offset)
+    if size >> 64:
+        raise ParseError("a size must fit in 64 bits", offset=offset)
+    return size
+
+
 def check_range(value: int, name: str, text: str, *, octet: str = "octet") -> None:
     """Raise ParseError if an integer is out of range for a type; `octet` is its name in the language."""
     low, high = INTEGER_RANGES[name]

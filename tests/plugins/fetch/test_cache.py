@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+import re
 import shutil
 import time
 from collections.abc import Callable
@@ -156,6 +157,7 @@ def test_changed_source_files_are_detected(env: dict[str, str], forge: Forge, tm
         change()
         ran = forge("cache", "verify", env=env)
         assert ran.code == 1
+        assert re.search(r"^ros: 1 of [1-9]\d* entries have faults$", ran.out, re.MULTILINE)
         message = f"{folder}: '{file.name}' changed after the download; remove the folder to get it again"
         assert message in ran.out
         assert folder.is_dir(), "it may be the work of somebody"

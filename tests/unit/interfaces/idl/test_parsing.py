@@ -308,6 +308,7 @@ def test_a_single_placeholder_member_is_not_a_field() -> None:
         ("int8 a[-1];", "a size must be at least 1"),
         ("wstring<N> a;", "a size must be a decimal number"),
         ("string<0> a;", "a size must be at least 1"),
+        (f"int8 a[{1 << 64}];", "a size must fit in 64 bits"),
         ("int8 a[" + "9" * 5000 + "];", "the number has too many digits"),
         ("Thing a;", "unknown type 'Thing'"),
         ("q::B a;", "'q::B' does not have three parts"),
