@@ -47,7 +47,7 @@ REQUIREMENTS = {
     "python3-packaging": "packaging",
     "python3-pkg-resources": "setuptools<80",
     "python3-psutil": "psutil",
-    "python3-pytest": "pytest",
+    "python3-pytest": "pytest<9",  # launch_testing of Humble to Kilted does not support pytest 9
     "python3-pydot": "pydot",
     "python3-rosdistro-modules": "rosdistro",
     "python3-setuptools": "setuptools<80",  # Humble's packages do not support setuptools 80

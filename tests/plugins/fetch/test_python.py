@@ -122,6 +122,17 @@ def test_python_modules_are_pinned_and_used_by_programs(
     assert (again.code, again.err) == (0, "")
 
 
+def test_modules_have_versions_that_packages_of_ros_support(
+    ros: Ros, uv: Index, forge: Forge, tmp_path: Path
+) -> None:
+    for version in ("8.4", "9.0"):
+        uv.add("pytest", version)
+    manifest = depends("python3-pytest", tag="test_depend")
+    workspace = new_workspace(tmp_path / "ws", "'tiny>=1'", *manifest)
+    assert forge("fetch", "--test", cwd=workspace, env={**ros.variables(), **uv.variables()}).code == 0
+    assert modules(workspace)["pytest"] == "8.4"
+
+
 def test_modules_keep_their_versions_until_update(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), {**ros.variables(), **uv.variables()}
     assert forge("fetch", cwd=workspace, env=env).code == 0
