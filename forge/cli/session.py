@@ -86,6 +86,7 @@ class Session:
             self.reporters[name] = reporter = ask(name, start, run)
             self.opened.callback(ask, name, reporter.close)
             self.report.folds.append(partial(ask, name, reporter.fold))
+            self.report.guards.append(partial(ask, name, reporter.guard))
             self.json_events.observers.append(partial(ask, name, self._tell, reporter))
         self.report.folds_on_stderr = self.json_events.printed
 

@@ -226,6 +226,8 @@ class ConsoleReporter:
         self.folds: list[Callable[[str, str], str]] = []
         """Functions of reporters that return a titled block of output as it is to be displayed."""
         self.folds_on_stderr = False
+        self.guards: list[Callable[[str], str]] = []
+        """Functions of reporters that return text with output of packages as it is to be displayed."""
         self.packages = packages
         self._tasks = plan.tasks
         self._on = handlers
@@ -280,7 +282,7 @@ class ConsoleReporter:
                 if not stderr and not self._embedded(task):
                     self._warnings.setdefault(task, CompilerWarnings()).add(lines)
                 if self._on["console_direct"] and not self._embedded(task):
-                    self.screen.write(lines, stderr=stderr)
+                    self.quote(lines.decode(errors="surrogateescape"), stderr=stderr)
             case Finished():
                 self._finish(event)
             case Aborted(task, seconds):
@@ -372,6 +374,14 @@ class ConsoleReporter:
     def _embedded(self, name: str) -> bool:
         return self.packages[name].embedded
 
+    def quote(self, text: str, *, stderr: bool = False) -> None:
+        """Print text that contains output of packages."""
+        guarded = text
+        for guard in self.guards:
+            guarded = guard(guarded)
+        stderr = stderr if guarded == text else self.folds_on_stderr
+        self.screen.write(guarded.encode(errors="surrogateescape"), stderr=stderr)
+
     def _close(self, task: str, *, failed: bool) -> str:
         """Print the output of a package as a block, depending on the event handlers; return its errors."""
         output = self._output.get(task, Excerpt())
@@ -383,7 +393,8 @@ class ConsoleReporter:
         if errors:
             self._names["stderr"].add(task)
         if self._on["console_cohesion"] and output.everything and not self._on["console_direct"]:
-            self.screen.write(f"--- output: {task}\n".encode() + output.everything + b"---\n")
+            everything = output.everything.decode(errors="surrogateescape")
+            self.quote(f"--- output: {task}\n{everything}---\n")
         elif self._on["console_stderr"] and task in self._names["stderr"] and not self._on["console_direct"]:
             if self._on["summary"] and not failed:  # the summary names the omitted packages
                 errors = self._repeated.take(task, errors)
@@ -397,9 +408,10 @@ class ConsoleReporter:
                 folded = block
                 for fold in self.folds if not failed else ():
                     folded = fold(f"stderr: {task}", folded)
-                # A service reads its commands from stdout.
-                stderr = folded == block or self.folds_on_stderr
-                self.screen.write(folded.encode(errors="surrogateescape"), stderr=stderr)
+                if folded == block:
+                    self.quote(block, stderr=True)
+                else:  # a service reads its commands from stdout
+                    self.screen.write(folded.encode(errors="surrogateescape"), stderr=self.folds_on_stderr)
                 return text
         return ""
 
@@ -452,4 +464,4 @@ class ConsoleReporter:
             file = self._tasks[task].build_dir / self._tasks[task].scratch_dir / LAST_COMMAND
             short = f"sh {shlex.quote(self.displayed(file))}" if file.is_file() else repeat
             lines.append(f"  repeat: {short}")
-        self.screen.write(("\n".join(lines) + "\n").encode(), stderr=True)
+        self.quote("\n".join(lines) + "\n", stderr=True)

@@ -72,6 +72,10 @@ class Reporter:
         """Return the output to display of a package that did not fail."""
         return block
 
+    def guard(self, text: str) -> str:
+        """Return text to display that quotes output of packages."""
+        return text
+
     def conclude(self, *, complete: bool) -> Report:
         """Return the report after the last package; not `complete` if the run was interrupted."""
         return Report()

@@ -280,7 +280,7 @@ def _report_results(
     report.flaky_tests = len(flaky)
     report.summarise(seconds)
     if flaky and not json:
-        session.write("\n".join(("", *flaky_table(flaky), "")))
+        report.quote("\n".join(("", *flaky_table(flaky), "")))
     session.json_events.report_flaky_tests(flaky)
     failures = [
         failure
@@ -288,7 +288,7 @@ def _report_results(
         for failure in running.failures_of(plan.tasks[name], setup, report.displayed)
     ]
     if failures and not json:
-        session.write(
+        report.quote(
             "\n".join(("", *table(failures, setup.context.layout.command("test-result --verbose")), ""))
         )
     session.json_events.report_failures(failures)

@@ -20,6 +20,8 @@ from forge.plugins.ci.findings import CiReporter, Finding
 _DATA = (("%", "%25"), ("\r", "%0D"), ("\n", "%0A"))
 _PROPERTY = (*_DATA, (":", "%3A"), (",", "%2C"))
 _MARKUP = re.compile(r"[^\w\s.,:;/()+='-]|_")
+_COMMAND = re.compile(r"(?:\A|[\r\n])\s*::|##\[")
+"""What GitHub takes for a command, with both of its syntaxes; spaces before one do not matter."""
 _MOST = 10
 """The maximum number of annotations of each kind that GitHub shows for a step."""
 _LISTED = 20
@@ -44,13 +46,15 @@ class GitHub(CiReporter):
     def fold(self, title: str, block: str) -> str:
         return "".join(f"{line}\n" for line in self.log(title, block.rstrip("\n").split("\n")))
 
+    def guard(self, text: str) -> str:
+        if not _COMMAND.search(text):
+            return text
+        return "".join(f"{line}\n" for line in _inert(text.removesuffix("\n").split("\n")))
+
     def log(self, title: str, lines: Iterable[str]) -> Iterator[str]:
         """Yield a folded group in which output of packages is not interpreted as commands."""
-        token = secrets.token_hex(16)
         yield command("group", title)
-        yield command("stop-commands", token)
-        yield from lines
-        yield f"::{token}::"
+        yield from _inert(lines)
         yield command("endgroup")
 
     def write(self) -> Iterator[str]:
@@ -92,6 +96,14 @@ class GitHub(CiReporter):
 
 
 start = GitHub
+
+
+def _inert(lines: Iterable[str]) -> Iterator[str]:
+    """Yield lines, framed by the commands that stop and resume the interpretation of commands."""
+    token = secrets.token_hex(16)
+    yield command("stop-commands", token)
+    yield from lines
+    yield f"::{token}::"
 
 
 def command(name: str, message: str = "", **properties: object) -> str:

@@ -35,9 +35,12 @@ def unescaped(text: str) -> str:
 
 
 def commands(output: str) -> list[tuple[str, dict[str, str], str]]:
-    """Return the workflow commands that GitHub's runner would find, which obeys 'stop-commands'."""
+    """Return the workflow commands that GitHub's runner would find, which obeys 'stop-commands'.
+
+    It ignores spaces before commands, and finds the older '##[name]' anywhere in a line.
+    """
     found, stopped = [], ""
-    for line in output.splitlines():
+    for line in map(str.strip, re.split("\r\n|\r|\n", output)):
         match = COMMAND.match(line)
         if stopped:
             stopped = "" if line == f"::{stopped}::" else stopped
@@ -46,6 +49,8 @@ def commands(output: str) -> list[tuple[str, dict[str, str], str]]:
             properties = {key: unescaped(value) for key, value in words}
             found.append((match["name"], properties, unescaped(match["data"])))
             stopped = match["data"] if match["name"] == "stop-commands" else ""
+        elif "##[" in line:
+            found.append(("##", {}, line))
     return found
 
 
@@ -181,6 +186,33 @@ def test_very_long_lines_are_shortened_and_empty_logs_omitted(
     ran = forge("test", cwd=root, env=env)
     assert "'long' is not built" in annotations(ran.out)[0][2]
     assert "::group::" not in ran.out
+
+
+INJECTION = "::stop-commands::evil\\n  ::error::evil\\n##[error]evil\\nx\\r::add-mask::evil\\n"
+
+
+@pytest.mark.parametrize("handlers", [(), ("--event-handlers", "console_direct+"), ("--json",)])
+def test_output_of_packages_contains_no_commands(
+    forge: Forge, repository: Path, tree: Tree, handlers: tuple[str, ...]
+) -> None:
+    lists = (
+        "cmake_minimum_required(VERSION 3.22)\nproject(p NONE)\nenable_testing()\n"
+        f'add_custom_target(x ALL COMMAND printf "{INJECTION}" && printf "{INJECTION}" >&2 VERBATIM)\n'
+        f"add_test(NAME bad COMMAND sh -c \"printf '{INJECTION}'; exit 1\")\n"
+    ).replace("\\", "\\\\")
+    broken = {"src/q/CMakeLists.txt": 'message(FATAL_ERROR "\n::error::evil\n##[error]evil")\n'}
+    root, env = add(repository, tree, {"src/p/CMakeLists.txt": lists, **broken}), github(repository)
+    built = forge("build", "--continue-on-error", *handlers, cwd=root, env=env)
+    tested = forge("test", "--packages-select", "p", *handlers, cwd=root, env=env)
+    assert "evil" in tested.out + tested.err
+    streams = (
+        (built.err, tested.err) if "--json" in handlers else (built.out, built.err, tested.out, tested.err)
+    )
+    found = [each for stream in streams for each in commands(stream)]
+    assert {name for name, _, _ in found} <= {"group", "endgroup", "stop-commands", "error", "warning"}
+    assert all(re.fullmatch("[0-9a-f]{32}", data) for name, _, data in found if name == "stop-commands")
+    titles = [properties.get("title", "") for name, properties, _ in found if name == "error"]
+    assert [title.partition(":")[0] for title in titles] == ["q", "p"]
 
 
 def test_a_failed_test_annotates_its_line(forge: Forge, repository: Path, tree: Tree) -> None:
