@@ -5,16 +5,17 @@ from __future__ import annotations
 import json
 import re
 import subprocess
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import field
+from pathlib import Path
 
 from forge.base.errors import Problem, SelectionError
-from forge.base.files import text_or_nothing
+from forge.base.files import replace_file, text_or_nothing
 from forge.base.frozen import Pairs, frozen
 from forge.base.names import did_you_mean
 from forge.base.text import listed
 from forge.build.tasks import StepKind
-from forge.build.tests.recipes import ChosenTests, TestContext
+from forge.build.tests.recipes import ChosenTests, TestContext, known_cases_file
 from forge.testing.collecting import collect, test_ids
 from forge.testing.outcomes import Case
 from forge.workspace.model import CMAKE_TYPES, PYTHON_TYPES, Package
@@ -22,6 +23,7 @@ from forge.workspace.model import CMAKE_TYPES, PYTHON_TYPES, Package
 SEPARATOR = "::"
 _PYTEST_NAME = re.compile(r"test\w*(\[.*\])?")
 _IN_GTEST = re.compile(r"[\w/]+\.[\w/]+")
+_FILE = re.compile(rf"\.py(?={SEPARATOR}|$)")
 _SECONDS = 60
 
 
@@ -35,7 +37,9 @@ def variables_for(path: str, case: Case, package: str) -> Pairs:
 
     `path` is the JUnit file of the program, whose name identifies the test framework.
     """
-    if path.endswith(".gtest.xml") and case.suite and case.suite != package:
+    # A program that crashed wrote no result; ament's says so in a case with the name of the program.
+    is_program = (case.suite, f"{case.name}.gtest.xml") == (f"{package}.{package}", Path(path).name)
+    if path.endswith(".gtest.xml") and case.suite and case.suite != package and not is_program:
         return (("GTEST_FILTER", label(case, package)),)
     if path.endswith(".xunit.xml") and _PYTEST_NAME.fullmatch(case.name):
         return (("PYTEST_ADDOPTS", f"-k {case.name.partition('[')[0]}"),)
@@ -87,12 +91,14 @@ def choose(
 ) -> ChosenTests:
     """Return the arguments that run only these tests of a package; raises SelectionError."""
     if package.build_type in PYTHON_TYPES:
-        return _of_python(package, (_dotted(name) for name in names), context)
+        return _of_python(package, _python_cases(package.name, names, context), context)
     if package.build_type not in CMAKE_TYPES:
         return ChosenTests(cargo_args=names)
     programs = _ctest_names(context, package, variables)
     results = context.results_of(package.name) / "test_results" / package.name
-    recorded_cases = [*test_ids(results)] if set(names) - set(programs) else []
+    recorded_cases = _recorded_cases(package.name, results, context)
+    if programs:
+        recorded_cases = [each for each in recorded_cases if each[0] in programs]
     chosen: list[tuple[str, Case | None, str]] = []
     for name in names:
         matches = [
@@ -120,6 +126,34 @@ def choose(
     return _of_cmake(package.name, chosen)
 
 
+def _recorded_cases(package: str, results: Path, context: TestContext) -> list[tuple[str, Case, str]]:
+    """Return the tests in result files, and those that earlier runs of chosen tests have left out."""
+    file = known_cases_file(context.layout.build_dir(package))
+    try:
+        kept = [(test, Case(name, suite), path) for test, suite, name, path in json.loads(file.read_bytes())]
+    except (OSError, ValueError, TypeError):
+        kept = []
+    cases = list(dict.fromkeys((*test_ids(results), *kept)))
+    if len(cases) > len(kept):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        words = [(test, case.suite, case.name, path) for test, case, path in cases]
+        replace_file(file, json.dumps(words).encode())
+    return cases
+
+
+def _python_cases(package: str, names: Iterable[str], context: TestContext) -> Iterator[Case]:
+    """Yield the tests that names mean; raises SelectionError for an option."""
+    recorded_cases = _recorded_cases(package, context.results_of(package), context)
+    for name in names:
+        if name.startswith("-"):
+            hint = f"write PACKAGE{SEPARATOR}TEST, as the summary of 'forge test' prints them"
+            raise SelectionError(Problem(f"'{package}{SEPARATOR}{name}' does not name a test", hint=hint))
+        # pytest selects by parameters only in full names, and escapes characters other than ASCII.
+        spellings = {name, name.encode("unicode_escape").decode()} if "[" in name else set()
+        matches = [case for _, case, _ in recorded_cases if spellings & {*_names("", case, package)}]
+        yield from matches or (_dotted(name),)
+
+
 def _names(test: str, case: Case, package: str) -> tuple[str, ...]:
     """Return the possible names of a test inside a CTest test, including its suite and its last part."""
     own, suite = label(case, package), case.suite.removeprefix(f"{package}.")
@@ -127,7 +161,7 @@ def _names(test: str, case: Case, package: str) -> tuple[str, ...]:
 
 
 def last_failed(package: Package, context: TestContext, variables: Mapping[str, str]) -> ChosenTests | None:
-    """Return the arguments that rerun the failed tests of a package's last run, None if no test failed.
+    """Return the arguments that rerun the failed tests of a package's last run, None if they are unknown.
 
     Tests of CTest that no longer exist are left out. If a Python file does not contain the name of a failed
     test, which may be renamed or inherited, all of its tests run.
@@ -135,6 +169,8 @@ def last_failed(package: Package, context: TestContext, variables: Mapping[str, 
     outcomes = [one for one in collect(context.results_of(package.name)).outcomes if one.counts.bad]
     if package.build_type in PYTHON_TYPES:
         cases = [case for one in outcomes if not one.is_unreadable for case in one.cases]
+        if any(case.name.endswith(".missing_result") for case in cases):
+            return None  # the run crashed or took too long, so that nobody knows which tests failed
         return _of_python(package, cases, context, if_missing_all=True) if cases else None
     if package.build_type not in CMAKE_TYPES:
         return None
@@ -152,7 +188,8 @@ def last_failed(package: Package, context: TestContext, variables: Mapping[str, 
 def _dotted(name: str) -> Case:
     """Return the test that 'suite.test[parameters]' names; pytest understands names with '::' itself."""
     head, bracket, parameters = name.partition("[")
-    suite, _, test = ("", "", head) if "::" in head else head.rpartition(".")
+    is_node = SEPARATOR in head or head.endswith(".py")
+    suite, _, test = ("", "", head) if is_node else head.rpartition(".")
     return Case(f"{test}{bracket}{parameters}", suite)
 
 
@@ -169,7 +206,7 @@ def _of_python(
     nodes: list[str] = []
     by_names = False
     for case, name in zip(cases, names, strict=True):
-        if SEPARATOR in name:
+        if SEPARATOR in name or name.endswith(".py"):
             nodes.append(case.name)
             continue
         *keyword, node = selector(case, package.name, StepKind.PYTEST, exists)
@@ -182,8 +219,14 @@ def _of_python(
     keywords = " or ".join(dict.fromkeys(name.rpartition(SEPARATOR)[2] for name in names))
     pytest_args = ("-k", keywords) if by_names else (*dict.fromkeys(nodes),)
     named = [f"{case.suite}.{case.name}" if case.suite else case.name for case in cases]
+    named = [_dotted_node(name) if _FILE.search(name) else name for name in named]
     unittest_args = [word for name in named for word in ((name,) if "." in name else ("-k", name))]
     return ChosenTests(pytest_args=pytest_args, unittest_args=tuple(unittest_args))
+
+
+def _dotted_node(name: str) -> str:
+    """Return the name that unittest has for a node of pytest."""
+    return _FILE.sub("", name, count=1).replace("/", ".").replace(SEPARATOR, ".")
 
 
 def _of_cmake(package: str, chosen: Iterable[tuple[str, Case | None, str]]) -> ChosenTests:

@@ -150,6 +150,8 @@ class Query:
         "different contents",
         flag="--strict",
     )
+    select_stopped_tests: bool = False
+    """Whether interrupted test runs count as failed."""
     build_base: str = "build"
     """The folder with the results of earlier builds and tests."""
     origin: str = os.curdir
@@ -325,14 +327,20 @@ def _by_results(query: Query, build: Path, names: Iterable[str]) -> Iterator[Fil
         finished = _ended(build, BUILD_RESULT, names, failed=False)
         yield "already built successfully", frozenset(names) - finished
     if query.select_test_failures:
-        yield "had no test failures", _ended(build, TEST_RESULT, names, failed=True)
+        stopped = frozenset({"SIGINT"}) if query.select_stopped_tests else frozenset[str]()
+        failed = _ended(build, TEST_RESULT, names, failed=True, counted=stopped)
+        yield "had no test failures", failed
     if query.skip_test_passed:
         yield "passed its tests before", frozenset(names) - _ended(build, TEST_RESULT, names, failed=False)
 
 
-def _ended(build: Path, file: str, names: Iterable[str], *, failed: bool) -> frozenset[str]:
-    """Return the packages whose last run failed, or succeeded; interrupted runs count as neither."""
+def _ended(
+    build: Path, file: str, names: Iterable[str], *, failed: bool, counted: frozenset[str] = frozenset()
+) -> frozenset[str]:
+    """Return the packages whose last run failed, or succeeded.
+
+    Interrupted runs are neither, unless their result is `counted`.
+    """
+    neither = {"", "SIGINT"} - counted
     words = {name: text_or_nothing(build / name / file).strip() for name in names}
-    return frozenset(
-        name for name, word in words.items() if word not in {"", "SIGINT"} and (word != "0") == failed
-    )
+    return frozenset(name for name, word in words.items() if word not in neither and (word != "0") == failed)

@@ -105,6 +105,7 @@ def ctest_recipe(package: Package, context: TestContext, configuration: str) -> 
         # Each run gets a new name; a full run also removes results of deleted tests.
         stale += [folder / "Testing" / "[0-9]*-[0-9]*" for folder in folders]
         stale += [folder / "test_results" / package.name / "*.xml" for folder in folders]
+        stale.append(known_cases_file(build))
     if not configuration:
         return Recipe(clean=tuple(stale))
     until_fail = context.options.retest_until_fail
@@ -146,6 +147,11 @@ def ctest_recipe(package: Package, context: TestContext, configuration: str) -> 
 
 _FOLDERS_OF_DART = ("SourceDirectory:", "BuildDirectory:")
 _CUSTOM = ("CTestCustom.cmake", "CTestCustom.ctest")
+
+
+def known_cases_file(build: Path) -> Path:
+    """Return the file with the tests that runs of chosen tests have left out of the result files."""
+    return build / TEST_SCRATCH_DIR / "cases.json"
 
 
 def parallel_folder(build: Path) -> Path:
@@ -213,7 +219,8 @@ def pytest_recipe(package: Package, context: TestContext, wants: Collection[str]
     )
     steps = (step,) if repeats else _with_repetitions(step, options)
     missing = (junit, missing_result(package, "pytest", options.test_timeout))
-    return Recipe(steps, (missing,), (junit.with_name("unittest.xml"),))
+    stale = junit.with_name("unittest.xml")
+    return Recipe(steps, (missing,), (stale, *(() if options.pytest_args else (known_cases_file(build),))))
 
 
 def unittest_recipe(package: Package, context: TestContext) -> Recipe:

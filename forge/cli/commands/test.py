@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -21,6 +22,7 @@ from forge.base.errors import (
     raise_if_any,
 )
 from forge.base.extensions import OPTIONS, find
+from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.layout import OWN_CACHE_DIR, TEST_FILE_TABLE
 from forge.base.options import flag, option, options_of
@@ -51,6 +53,9 @@ from forge.testing.preparing import RestoredSetup, has_no_tests, not_runnable, p
 from forge.workspace.load import LoadedWorkspace, load_workspace
 from forge.workspace.selection import Query
 
+_UNKNOWN_NODE = re.compile(r"^ERROR: (?:file or directory )?not found: ", re.MULTILINE)
+"""What pytest prints before it ends without running any test."""
+
 
 @frozen
 class Options:
@@ -76,7 +81,11 @@ def run(given: Options) -> int:
     began = time.monotonic()
     root, folders, jobs = Path.cwd(), given.folders, given.jobs
     named = parse_names(given.names)
-    query = replace(given.query, select_test_failures=given.query.select_test_failures or given.last_failed)
+    query = replace(
+        given.query,
+        select_test_failures=given.query.select_test_failures or given.last_failed,
+        select_stopped_tests=given.last_failed,
+    )
     if named.packages:
         query = replace(query, select=(*(query.select or ()), *named.packages))
     options, reports = given.tests, given.report
@@ -295,11 +304,21 @@ def _report_results(
     options = setup.context.options
     has_failed = options.return_code_on_test_failure and bool(report.failed_tests or report.not_tested)
     code = report.exit_code or int(failed or has_failed or (options.fail_if_no_tests and report.no_test_ran))
-    for name in setup.context.chosen:
-        package_counts = running.total_counts([plan.tasks[name]], setup) if name in ended else None
-        if name in ended and not (package_counts and package_counts.tests):
-            hint = f"all tests of the package: {setup.context.layout.command(f'test {name}')}"
-            print_problem(Problem(f"no test of '{name}' has such a name", hint=hint))
-            code = code or 2
+    without = [
+        name for name in setup.context.chosen if name in ended and _found_none(name, plan, setup, session)
+    ]
+    for name in without:
+        hint = f"all tests of the package: {setup.context.layout.command(f'test {name}')}"
+        print_problem(Problem(f"no test of '{name}' has such a name", hint=hint))
+    if without and (not code or {*report.tally.failed, *report.not_tested} <= {*without}):
+        code = 2
     session.conclude(seconds, code)
     return code
+
+
+def _found_none(name: str, plan: BuildPlan, setup: running.TestSetup, session: Session) -> bool:
+    """Return whether a package has no test of the chosen names, as its results or pytest say."""
+    counts = running.total_counts([plan.tasks[name]], setup)
+    log = session.log.folder and session.log.folder / name / "stdout_stderr.log"
+    is_refused = name in session.report.tally.failed and log and _UNKNOWN_NODE.search(text_or_nothing(log))
+    return bool(is_refused) or not (counts and counts.tests)

@@ -115,6 +115,39 @@ def test_a_case_omitted_by_the_last_run_is_found(forge: Forge, root: Path) -> No
     assert "1 test, 0 errors, 0 failures" in forge("test", "p::Math.subtracts", cwd=root).out
 
 
+def test_cases_and_suites_stay_known_until_a_full_run(forge: Forge, root: Path) -> None:
+    forge("test", "p", cwd=root)
+    assert forge("test", "p::Math.adds", cwd=root).code == 0
+    assert forge("test", "p::Math.typing_error", cwd=root).code == 2
+    assert "1 test, 0 errors, 1 failure" in forge("test", "p::Other", cwd=root).out
+    assert "1 test, 0 errors, 0 failures" in forge("test", "p::size", cwd=root).out
+    (root / "src/p/gtest.sh").write_text(GTEST.replace("Typed/1.size", ""))
+    forge("test", "p", cwd=root)
+    assert "'p' has no test 'size'" in forge("test", "p::size", cwd=root).err
+
+
+def test_a_crashed_program_is_repeated_as_a_whole(forge: Forge, root: Path) -> None:
+    result = '<testsuite name="p"><testcase classname="p.p" name="math"><failure/></testcase></testsuite>'
+    (root / "src/p/gtest.sh").write_text(f"echo '{result}' > $1\nkill -9 $$\n")
+    for words in (["p"], ["p::math"], ["--last-failed"]):
+        ran = forge("test", *words, cwd=root)
+        assert "p: math" in failed(ran), ran.out
+        assert "GTEST_FILTER" not in ran.out
+
+
+def test_last_failed_runs_all_tests_after_a_crash_or_an_interrupt(forge: Forge, root: Path) -> None:
+    tests = root / "src/y/tests/test_y.py"
+    text = tests.read_text()
+    tests.write_text(f"{text}\n\ndef test_crashes():\n    import os\n\n    os._exit(9)\n")
+    forge("test", "y", cwd=root)
+    tests.write_text(text)
+    assert failed(forge("test", "y", "--last-failed", cwd=root)) == ["y: tests.test_y.test_value[2]"]
+    (root / "build/p/colcon_test.rc").write_text("SIGINT\n")
+    assert "Starting >>> p" in forge("test", "--last-failed", cwd=root).out
+    (root / "build/p/colcon_test.rc").write_text("SIGINT\n")
+    assert "Starting >>> p" not in forge("test", "--packages-select-test-failures", cwd=root).out
+
+
 def test_last_failed_reruns_tests_until_they_pass(forge: Forge, root: Path) -> None:
     forge("test", cwd=root)
     ran = forge("test", "--last-failed", cwd=root)
@@ -142,6 +175,56 @@ def test_last_failed_reruns_tests_until_they_pass(forge: Forge, root: Path) -> N
 def test_a_name_without_a_test_is_an_error(forge: Forge, root: Path, word: str, message: str) -> None:
     ran = forge("test", word, cwd=root)
     assert (ran.code, message in ran.err) == (2, True), ran.err
+
+
+@pytest.mark.parametrize(
+    ("word", "message"),
+    [
+        ("y::tests.test_y.test_none", "no test of 'y' has such a name"),
+        ("y::tests/test_y.py::test_none", "no test of 'y' has such a name"),
+        ("y::tests/test_none.py", "no test of 'y' has such a name"),
+        ("y::tests.test_y.test_value[5]", "no test of 'y' has such a name"),
+        ("y::-x", "'y::-x' does not name a test"),
+    ],
+)
+def test_a_node_that_pytest_does_not_find_is_an_error(
+    forge: Forge, root: Path, word: str, message: str
+) -> None:
+    ran = forge("test", word, "--return-code-on-test-failure", cwd=root)
+    assert (ran.code, f"error: {message}\n" in ran.err) == (2, True), ran.err
+
+
+def test_a_failed_import_is_a_failure(forge: Forge, root: Path) -> None:
+    (root / "src/y/tests/conftest.py").write_text("import no_such_module\n")
+    ran = forge("test", "y::tests.test_y.test_value", cwd=root)
+    assert (ran.code, "has such a name" in ran.err) == (1, False), ran.err
+
+
+@pytest.mark.parametrize(
+    ("word", "counts"),
+    [
+        ("y::tests/test_y.py", "4 tests, 0 errors, 1 failure"),
+        ("y::test_value[2]", "1 test, 0 errors, 1 failure"),
+        ("u::tests/test_u.py", "2 tests, 0 errors, 1 failure"),
+        ("u::tests/test_u.py::Values::test_bad", "1 test, 0 errors, 1 failure"),
+    ],
+)
+def test_a_file_a_node_or_a_parameter_is_run(forge: Forge, root: Path, word: str, counts: str) -> None:
+    forge("test", "y", "u", cwd=root)
+    for _ in range(2):
+        ran = forge("test", word, cwd=root)
+        assert (ran.code, counts in ran.out) == (0, True), ran.out
+
+
+def test_a_parameter_may_be_written_in_any_alphabet(forge: Forge, root: Path) -> None:
+    tests = root / "src/y/tests/test_y.py"
+    tests.write_text(
+        "import pytest\n\n\n@pytest.mark.parametrize('v', ['\u00fc', '[b] c'])\n"
+        "def test_value(v):\n    assert 0\n"
+    )
+    forge("test", "y", cwd=root)
+    for word in ("tests.test_y.test_value[\u00fc]", "test_value[\u00fc]", "test_value[[b] c]"):
+        assert "1 test, 0 errors, 1 failure" in forge("test", f"y::{word}", cwd=root).out
 
 
 def test_a_named_test_that_does_not_run_is_an_error(forge: Forge, root: Path) -> None:
