@@ -88,12 +88,13 @@ class MergedPrefix:
         return owned_by_others(task.name, earlier, self._journal.records) if earlier else earlier
 
     def packages_to_reinstall(self, plan: BuildPlan) -> frozenset[str]:
-        """Return the up-to-date packages that install a file differently from one that is built.
+        """Return the packages that install a file differently from one that is built, and might not be built.
 
         They must be installed again in order, so that the result matches a clean build.
         """
         owner_lists = self.conflicting_files(plan.tasks).values()
-        return frozenset(name for owners in owner_lists for name in owners).intersection(plan.fresh)
+        unsure = {*plan.fresh, *(name for name, task in plan.tasks.items() if task.conditional)}
+        return frozenset(name for owners in owner_lists for name in owners) & unsure
 
     def in_order(self, plan: BuildPlan) -> BuildPlan:
         """Return the plan with each package after those that are known to install the same file."""

@@ -63,3 +63,18 @@ def test_a_file_may_move_to_a_concurrently_built_package(forge: Forge, tree: Tre
     ran = forge("build", "--merge-install", "--continue-on-error", "--parallel-workers", "2", cwd=root)
     assert ran.code == (end == "false")
     assert (root / "install/share/common/words").read_text() == "two"
+
+
+def test_the_last_package_wins_after_earlier_ones_were_installed_at_the_same_time(
+    forge: Forge, tree: Tree
+) -> None:
+    """Even if it depends on one of these, which is the same as before when installed again."""
+    files = {}
+    for name, needs, seconds in (("a", "", "1"), ("b", "", "0.5"), ("c", "<depend>a</depend>", "0")):
+        slow = f"add_custom_target(slow ALL COMMAND sleep {seconds})\n"
+        files[f"src/{name}/package.xml"] = manifest_text(name, needs, build_type="cmake")
+        files[f"src/{name}/CMakeLists.txt"] = CMAKE.format(name=name) + slow
+        files[f"src/{name}/words"] = name
+    root = tree(files)
+    assert forge("build", "--merge-install", "--parallel-workers", "2", cwd=root).code == 0
+    assert (root / "install/share/common/words").read_text() == "c"
