@@ -48,6 +48,7 @@ from forge.build.inputs.native_graph import (
     cmake_edge,
     cmake_root,
     read_native_graph,
+    unneeded_outputs,
     written_by_backend,
 )
 from forge.build.records import FolderRecord, begin_record, read_record
@@ -183,6 +184,8 @@ def _restore(build: Path, before: Path) -> None:
     seen = replace(seen, edges={name: each for name, each in seen.edges.items() if name in same})
     graph = replace(graph, reported=then.reported)
     dropped |= affected_outputs(graph, _generated_changes(build, before, graph, seen), seen)
+    # Install rules would find the outputs of targets that are no longer built.
+    dropped |= unneeded_outputs(build)
     dropped = with_all_written(graph, dropped, seen)
     for product in restorable_outputs(graph, dropped, seen):
         for path in (product, *(seen.edges[product].written if product in seen.edges else ())):

@@ -134,6 +134,35 @@ def cmake_edge(build: Path) -> Edge:
     return _edge(build, match[1], "") if match else Edge("", (), (), "")
 
 
+def unneeded_outputs(build: Path) -> frozenset[str]:
+    """Return the outputs that the default targets of a build folder do not need, not even to be in order."""
+    edges: list[tuple[list[str], list[str]]] = []
+    makers: dict[str, int] = {}
+    waiting: list[str] = []
+    # Blanks in names are escaped; rules and separators are not the names of outputs.
+    for line in _text(build / "build.ninja").replace("$\n", "").replace("$ ", "\0").splitlines():
+        if line.startswith("build "):
+            outputs, _, inputs = line[6:].partition(": ")
+            makers.update(dict.fromkeys(outputs.split(), len(edges)))
+            edges.append((outputs.split(), inputs.split()[1:]))
+        elif line.startswith("default "):
+            waiting += line[8:].split()
+    if not waiting:
+        return frozenset()
+    needed: set[int] = set()
+    while waiting:
+        number = makers.get(waiting.pop())
+        if number is not None and number not in needed:
+            needed.add(number)
+            waiting += edges[number][1]
+    return frozenset(
+        _absolute(build, _ESCAPE.sub(r"\1", word.replace("\0", " ")))
+        for number, (outputs, _) in enumerate(edges)
+        if number not in needed
+        for word in outputs
+    )
+
+
 def _ninja_graph(folder: Path, build: Path, rules: str) -> NativeGraph:
     edges: list[Edge] = []
     read: tuple[str, ...] = ()
