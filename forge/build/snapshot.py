@@ -179,6 +179,10 @@ def changed_external_files(
         folders = [shown(path.removesuffix(DIR_LISTING_SUFFIX)) for path in sorted(changed)]
         if not folders:
             return InputChange(kind, UNKNOWN_EXTERNAL)
+        if before and all(
+            before[path].rpartition(" ")[2] == now[path].rpartition(" ")[2] for path in changed
+        ):
+            return InputChange(kind, f"the permissions of {_named(folders)} changed")
         return InputChange(kind, f"files were added to or removed from {_named(folders)}")
     added = frozenset(path for path in files if before.get(path) == _MISSING)
     removed = frozenset(path for path in files if now[path] == _MISSING)

@@ -246,7 +246,8 @@ class Folders:
             *self._listed(processes),
         }
         only_found = (path for path in seen.found if path not in external or os.path.islink(path))
-        kinds = (f"{KIND}{path}" for path in only_found if self._is_found(path))
+        kinds = [f"{KIND}{path}" for path in only_found if self._is_found(path)]
+        kinds += (f"{KIND}{path}" for path in seen.missing if self._leads_nowhere(path))
         used = (path.rpartition("/") for path in chain(seen.missing, seen.found, seen.executed, read))
         asked = {f"{PROGRAM}{name}" for folder, _, name in used if folder in self._path}
         asked.update(f"{LIBRARY}{os.path.basename(path)}" for path in seen.loaded)
@@ -390,6 +391,11 @@ class Folders:
             return False
         is_above = any(root.startswith(f"{path}/") for pair in self._spelled.items() for root in pair)
         return not is_above and os.path.lexists(path)
+
+    def _leads_nowhere(self, path: str) -> bool:
+        """Return whether a path looked for in vain is a link whose target may be created."""
+        is_source = bool(self._source) and path.startswith(self._source)
+        return os.path.islink(path) and (is_source or self._is_found(path))
 
     def _listed(self, processes: Iterable[Process]) -> Iterator[str]:
         """Yield the folders elsewhere whose names were read, except by CMake in search of packages.

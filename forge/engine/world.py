@@ -45,7 +45,7 @@ class World:
 
     def __init__(self, variables: Mapping[str, str]) -> None:
         """`variables` is the environment of builds, below that of dependencies."""
-        self._variables = variables
+        self.variables = variables
         self._lookup = ProgramLookup(variables)
         self._configs = ConfigSearch()
         self._modules = ModuleSearch()
@@ -65,7 +65,7 @@ class World:
 
     def value(self, name: str) -> str:
         """Return the value of a variable, '' if it is not set."""
-        return self._variables.get(name, "")
+        return self.variables.get(name, "")
 
     def searched_for_packages(self, folder: str) -> bool:
         """Return True if CMake lists a folder to find packages, which are tracked by their names."""
@@ -86,7 +86,7 @@ class World:
 
     def _ask(self, question: str) -> str:
         if question.startswith(VARIABLE):
-            value = self._variables.get(question[1:])
+            value = self.variables.get(question[1:])
             return "" if value is None else digest(value)  # a value may be a secret
         if question == PROCESSOR:
             return processor(text_or_nothing(CPU_INFO))
@@ -248,7 +248,7 @@ def is_package(folder: str) -> bool:
 
 
 def _kind(path: str) -> str:
-    """Return kind, mode and size of a file, and the target of a link, without times."""
+    """Return kind and mode, the size of a file, and the target of a link, without times."""
     target = ""
     try:
         if os.path.islink(path):
@@ -256,9 +256,10 @@ def _kind(path: str) -> str:
         status = os.stat(path)
     except OSError:
         return target
+    mode = f"{stat.S_IMODE(status.st_mode):o}"
     if stat.S_ISREG(status.st_mode):
-        return f"{target}file {stat.S_IMODE(status.st_mode):o} {status.st_size}"
-    return f"{target}{'folder' if stat.S_ISDIR(status.st_mode) else 'special'}"
+        return f"{target}file {mode} {status.st_size}"
+    return f"{target}{f'folder {mode}' if stat.S_ISDIR(status.st_mode) else 'special'}"
 
 
 def about_modules(found: Iterable[tuple[tuple[str, ...], str]]) -> Iterator[str]:

@@ -95,6 +95,7 @@ def test_commands_do_not_rerun_for_other_changes(forge: Forge, tree: Tree, chang
     assert is_as_clean(forge, root)
 
 
+OPTIONAL = "install(TARGETS x DESTINATION bin OPTIONAL)\n"
 CODE = {
     "a command after linking appends": (
         "add_executable(x y.c)\nadd_custom_command(TARGET x POST_BUILD COMMAND echo built >> log.txt)\n"
@@ -119,6 +120,10 @@ CODE = {
         ' "./tool; echo $? > o.txt" VERBATIM)\nadd_custom_target(o ALL DEPENDS o.txt)\n'
         "add_dependencies(o tool)\ninstall(FILES ${CMAKE_BINARY_DIR}/o.txt DESTINATION share)\n",
         ("y.c", "int main(void) { return 7; }\n"),
+    ),
+    "a program that is no longer built": (
+        f"add_executable(x y.c)\n{OPTIONAL}",
+        ("CMakeLists.txt", f"{HEAD}add_executable(x EXCLUDE_FROM_ALL y.c)\n{OPTIONAL}"),
     ),
 }
 
@@ -192,6 +197,34 @@ def test_a_file_outside_the_workspace_is_an_input(forge: Forge, tree: Tree) -> N
     (root / "value").write_text("2\n")
     built(forge, root / "ws")
     assert (root / "ws/install/a/share/gen.h").read_text() == "#define X 2\n"
+
+
+SEEN: dict[str, tuple[str, Callable[[Path], object]]] = {
+    "the mode of a folder": ("stat -c %a ../../../out", lambda out: out.chmod(0o700)),
+    "the mode of a folder that is listed": (
+        "tar -C ../../.. --mtime=@0 -c out | cksum",
+        lambda out: (out / "inner").chmod(0o700),
+    ),
+    "the target of a link": ("cat ../../../out/link || true", lambda out: (out / "target").write_text("it")),
+}
+
+
+@pytest.mark.parametrize("what", SEEN)
+def test_what_a_command_sees_outside_the_workspace_is_an_input(forge: Forge, tree: Tree, what: str) -> None:
+    command, change = SEEN[what]
+    files = {
+        **FILES,
+        "src/a/gen.sh": f'echo "#define X 1" > gen.h; touch parts.lst; ({command}) > runs.txt\n',
+    }
+    root = tree(
+        {**{f"ws/{name}": text for name, text in files.items()}, "ws/src/a/CMakeLists.txt": GENERATES}
+    )
+    (root / "out/inner").mkdir(parents=True)
+    (root / "out/link").symlink_to("target")
+    built(forge, root / "ws")
+    change(root / "out")
+    built(forge, root / "ws")
+    assert is_as_clean(forge, root / "ws")
 
 
 @pytest.mark.parametrize(

@@ -412,7 +412,9 @@ def _content(path: str, status: os.stat_result | None, table: FileTable, stats: 
         if path.endswith("/"):
             return f"folder {stat.S_IMODE(status.st_mode):o}"
         if path.endswith(DIR_LISTING_SUFFIX):
-            return f"names {_digest(os.fsencode(chr(0).join(_listing(path))))}"
+            # Commands that copy or archive a folder take its mode along.
+            mode = f"{stat.S_IMODE(status.st_mode):o}"
+            return f"names {mode} {_digest(os.fsencode(chr(0).join(_listing(path))))}"
         if stat.S_ISREG(status.st_mode):
             return f"{stat.S_IMODE(status.st_mode):o} {table.digest(path, status, stats)}"
         return _target(path, table) if stat.S_ISLNK(status.st_mode) else "special"
