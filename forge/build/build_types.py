@@ -56,6 +56,11 @@ class BuildType:
 
     Raises HostError if it is not installed. The last parameter is the environment of the build.
     """
+    tool_folders: Callable[[Mapping[str, str]], tuple[str, ...]] | None = None
+    """Returns the folders of tools, whose files `toolchain` stands for: they are not inputs one by one.
+
+    The parameter is the environment of the build.
+    """
     staged: bool = False
     """Nothing but `install_tree` writes into the prefix, so that forge need not observe the steps."""
     tests_need_build: bool = True
@@ -100,6 +105,7 @@ def _checked(name: str, found: BuildType, module: object) -> BuildType:
         recipe=checked(what, found.recipe, Recipe),
         tests=checked(what, found.tests, Recipe),
         toolchain=found.toolchain and checked(what, found.toolchain, tuple),
+        tool_folders=found.tool_folders and checked(what, found.tool_folders, tuple),
     )
 
 

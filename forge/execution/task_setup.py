@@ -32,7 +32,12 @@ from forge.build.inputs.fingerprints import (
     fingerprint_files,
     fingerprint_tree,
 )
-from forge.build.inputs.native_graph import NativeGraph, read_native_graph, reported_inputs
+from forge.build.inputs.native_graph import (
+    NativeGraph,
+    read_native_graph,
+    reported_inputs,
+    written_by_backend,
+)
 from forge.build.installation import InstalledFiles, remove_stale, set_file_times
 from forge.build.installed_lists import package_markers, write_installed_list
 from forge.build.model import BuildRecord
@@ -281,15 +286,17 @@ class TaskSetup(TaskLifecycle):
         graph = read_native_graph(build)
         reported = reported_inputs(build, graph, declared)
         asked = [question for question, _ in observed.answers]
-        # Plugins whose builds forge stages, such as cargo's, report their files themselves.
-        every = () if build_type_of(task.package).staged else observed.all
+        tools = build_type_of(task.package).tool_folders
+        folders = tuple(f"{folder}/" for folder in tools(self.state.world.variables)) if tools else ()
         # Options and variables may name the processor; unobserved processes may query it.
         asked_variables = {question.removeprefix(VARIABLE) for question in asked}
         values = map(self.state.world.value, {*dict(task.inputs.environment), *asked_variables})
         is_named = any(map(is_for_this_processor, (*task.inputs.options, *values)))
         if is_named or not observed.all or any(each.blind for each in observed.all):
             asked.append(PROCESSOR)
-        external_inputs = tuple(sorted(reported.union(asked, *(each.external for each in every))))
+        seen = (path for each in observed.all for path in each.external if not path.startswith(folders))
+        seen_or_asked = frozenset((*asked, *seen)).difference(written_by_backend(build))
+        external_inputs = tuple(sorted(reported | seen_or_asked))
         read = graph.known().union(*(each.read for each in observed.all))
         external_inputs = (*external_inputs, *self._undeclared(task, read, declared))
         externals = contents_of(external_inputs, self.state.table)

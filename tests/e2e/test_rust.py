@@ -95,7 +95,8 @@ SCRIPT = """fn main() {
     println!("cargo:rerun-if-changed=../../../data");
     let count = std::fs::read_dir("../../../data").unwrap().count();
     let name = std::env::var("FROM_SCRIPT").unwrap_or("none".into());
-    println!("cargo:rustc-env=SCRIPT={name} {count}");
+    let more = std::fs::read_to_string("../../../undeclared").unwrap_or_default();
+    println!("cargo:rustc-env=SCRIPT={name} {count}{more}");
 }
 """
 MEMBER = """fn main() {
@@ -135,6 +136,9 @@ def test_external_files_read_by_cargo_are_inputs(forge: Forge, tree: Tree) -> No
     assert built() == 'Some("x") y 1 1.0.0\n'
     tree({"data/two": ""})
     assert built() == 'Some("x") y 2 1.0.0\n'
+    tree({"undeclared": " and 3"})
+    assert built() == 'Some("x") y 2 and 3 1.0.0\n'
+    (root / "undeclared").unlink()
     tree({"src/all/Cargo.toml": INPUTS["src/all/Cargo.toml"].replace("1.0.0", "1.1.0")})
     assert built() == 'Some("x") y 2 1.1.0\n'
     tree({"src/all/.cargo/config.toml": '[build]\nrustflags = ["--cfg", "special"]\n'})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import sysconfig
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +22,7 @@ from forge.workspace.identity import Folder, Identity
 from forge.workspace.model import Dependency, DependencyKind, Package
 from forge.workspace.plain_packages import plain_package
 
-__all__ = ["identify", "options", "recipe", "staged", "tests", "tests_build", "toolchain"]
+__all__ = ["identify", "options", "recipe", "staged", "tests", "tests_build", "tool_folders", "toolchain"]
 
 staged = True
 tests_build = True
@@ -93,10 +94,24 @@ def toolchain(
         for name in sorted(variables)
         if (name in _NAMES or name.startswith(_VARIABLES)) and name != _JOBS
     )
-    home = Path(variables.get("CARGO_HOME") or Path.home() / ".cargo")
+    home, _ = _homes(variables)
     folders = (home, *(folder / ".cargo" for folder in (context.root, *context.root.parents)))
     texts = (text_or_nothing(folder / name) for folder in folders for name in ("config", "config.toml"))
     return "Rust", "\0".join((version.decode(errors="replace"), *relevant, *texts))
+
+
+def tool_folders(variables: Mapping[str, str]) -> tuple[str, ...]:
+    """Return the folders of cargo, whose crates run.py reports, of rustup, and of the Python that runs run.py."""
+    own = (sys.prefix,) if sys.prefix != sys.base_prefix else ()
+    return (*map(str, _homes(variables)), sysconfig.get_path("stdlib"), *own)
+
+
+def _homes(variables: Mapping[str, str]) -> tuple[Path, Path]:
+    """Return the folders of cargo and rustup."""
+    return (
+        Path(variables.get("CARGO_HOME") or Path.home() / ".cargo"),
+        Path(variables.get("RUSTUP_HOME") or Path.home() / ".rustup"),
+    )
 
 
 _KINDS = {

@@ -78,7 +78,7 @@ def build(name: str, source: Path, folder: Path, workspace: Path, command: list[
             read.add(str(lock))
         read = {path for path in read if not path.startswith(f"{source}/")}
         _write_list(folder / ".forge/read_by_backend", read)
-        _write_list(folder / ".forge/written_by_backend", () if locked else (str(lock),))
+        _write_list(folder / ".forge/written_by_backend", () if locked == _content(lock) else (str(lock),))
     return cargo.returncode
 
 
