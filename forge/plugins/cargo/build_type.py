@@ -101,7 +101,7 @@ def toolchain(
 
 
 def tool_folders(variables: Mapping[str, str]) -> tuple[str, ...]:
-    """Return the folders of cargo, whose crates run.py reports, of rustup, and of the Python that runs run.py."""
+    """Return the folders of cargo, whose crates run.py reports, of rustup, and of run.py's Python."""
     own = (sys.prefix,) if sys.prefix != sys.base_prefix else ()
     return (*map(str, _homes(variables)), sysconfig.get_path("stdlib"), *own)
 
