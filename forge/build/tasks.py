@@ -83,6 +83,8 @@ class Step:
     """The time limit: after it, the program and its descendants are stopped, with the exit code TIMED_OUT."""
     tests_at_once: int = 0
     """The maximum number of concurrent tests of CTest, job limit permitting; 0 if forge does not set it."""
+    tests: int = 0
+    """The number of tests of CTest if it runs them concurrently, or an upper limit."""
 
     @property
     def label(self) -> str:

@@ -60,11 +60,13 @@ def isolated(
         return
     level = variables.get(PARALLEL_TESTS, "") if step.tests_at_once else ""
     jobs = int(level) if level.isdecimal() else 1
+    # The domains that a package does not need are for others, which wait if none is left.
+    wanted = 1 if jobs == 1 else min(jobs * _DOMAINS_PER_JOB, step.tests or LAST_DOMAIN)
     with contextlib.ExitStack() as stack:
-        domains = list(_reserve(stack, 1 if jobs == 1 else jobs * _DOMAINS_PER_JOB))
+        domains = list(_reserve(stack, wanted))
         while not domains and not is_stopped() and _can_bind():
             time.sleep(_SECONDS)
-            domains = list(_reserve(stack, 1))
+            domains = list(_reserve(stack, wanted))
         environment = dict(variables)
         if domains:
             environment[DOMAIN] = str(domains[0])

@@ -121,7 +121,8 @@ def ctest_recipe(package: Package, context: TestContext, configuration: str) -> 
     dart = build / "DartConfiguration.tcl"
     files = [(context.not_run(package.name), missing_result(package, "ctest"))]
     folder = build
-    if at_once := _tests_at_once(build, context):
+    tests = count_ctests(build, MAX_TESTS)
+    if at_once := _tests_at_once(tests, context):
         # In this folder, CTest reads the tests through a file that forge writes, and writes results through a
         # link.
         folder = parallel_folder(build)
@@ -140,7 +141,7 @@ def ctest_recipe(package: Package, context: TestContext, configuration: str) -> 
     elif not dart.exists():
         files.append((dart, ""))  # without it, which only `include(CTest)` creates, CTest prints two errors
     env = context.chosen.get(package.name, ChosenTests()).env
-    step = Step(StepKind.CTEST, argv, folder, env, meanings=_OF_CTEST, tests_at_once=at_once)
+    step = Step(StepKind.CTEST, argv, folder, env, meanings=_OF_CTEST, tests_at_once=at_once, tests=tests)
     again = replace(step, argv=(*argv, "--rerun-failed"), condition=StepCondition.TESTS_FAILED)
     return Recipe((step, *(again,) * context.options.retest_until_pass), tuple(files), tuple(stale))
 
@@ -159,16 +160,16 @@ def parallel_folder(build: Path) -> Path:
     return build / TEST_SCRATCH_DIR / "ctest"
 
 
-def _tests_at_once(build: Path, context: TestContext) -> int:
-    """Return how many tests CTest may run at once, 0 if forge does not decide.
+def _tests_at_once(tests: int, context: TestContext) -> int:
+    """Return how many of the tests of a package CTest may run at once, 0 if forge does not decide.
 
     The observations of `--cached` must not depend on the order of tests, so these run one after another.
     """
     options = context.options
     chosen = any(word.startswith(("-j", "--parallel")) for word in options.ctest_args)
-    if chosen or options.cached or not context.isolated or options.test_jobs == 1 or count_ctests(build) < 2:
+    if chosen or options.cached or not context.isolated or options.test_jobs == 1 or tests < 2:
         return 0
-    return options.test_jobs or MAX_TESTS
+    return min(options.test_jobs or MAX_TESTS, tests)
 
 
 def python_recipe(package: Package, context: TestContext, wants: Collection[str]) -> Recipe:

@@ -114,6 +114,23 @@ def test_concurrent_steps_on_a_host_have_distinct_domains() -> None:
         assert again["ROS_DOMAIN_ID"] == one["ROS_DOMAIN_ID"]
 
 
+def test_a_package_takes_no_more_domains_than_tests_also_after_waiting() -> None:
+    few = Step(StepKind.CTEST, ("ctest",), Path(), tests_at_once=3, tests=3)
+    many = Step(StepKind.CTEST, ("ctest",), Path(), tests_at_once=100)
+    level = {"CTEST_PARALLEL_LEVEL": "30"}
+    held = ExitStack()
+
+    def release() -> bool:
+        held.close()
+        return False
+
+    with held:
+        while "ROS_DOMAIN_ID" in held.enter_context(isolated(many, level, lambda: True)):
+            pass  # until all are taken
+        with isolated(few, level, release) as environment:
+            assert len(environment["FORGE_TEST_DOMAINS"].split(";")) == 3
+
+
 def test_a_test_waits_for_a_domain_if_all_are_taken() -> None:
     many = Step(StepKind.CTEST, ("ctest",), Path(), tests_at_once=100)
     asked = []
