@@ -163,14 +163,18 @@ def option_files(
     of_build = table_of(profile, "build", path)
     folders = {}
     for key in _FOLDERS.keys() & known:
-        base = lower.get(key, _FOLDERS[key])
-        if key in of_build:
-            folders[key] = of_build[key]
+        base = value if isinstance(value := lower.get(key), str) else _FOLDERS[key]
+        if isinstance(own := of_build.get(key), str):
+            folders[key] = own
         elif key == "log-base" and key not in lower and setting("LOG_PATH", variables):
             pass  # runs of all profiles have different names in it
-        elif isinstance(base, str) and base != os.devnull:
+        elif base != os.devnull:
             folders[key] = folder_of_profile(base, name)
-    yield path, {**folders, **table_of(profile, verb, path)}
+    options = table_of(profile, verb, path)
+    invalid = {key: options[key] for key in folders.keys() & options if not isinstance(options[key], str)}
+    if invalid:  # it causes a warning, but must not lead to the folders of other builds
+        yield path, invalid
+    yield path, {**folders, **{key: options[key] for key in options if key not in invalid}}
 
 
 def _checked(source: OptionFile, known: Mapping[str, argparse.Action], verb: str) -> dict[str, Any]:
@@ -205,7 +209,10 @@ def _value(action: argparse.Action, value: object) -> object:
     if action.nargs in {"*", "+"}:
         if not isinstance(value, list):
             raise TypeError("a list")
-        return [_single(action, element) for element in value]
+        try:
+            return [_single(action, element) for element in value]
+        except TypeError as error:
+            raise TypeError(f"a list in which each element is {error}") from None
     return _single(action, value)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,6 +14,7 @@ from forge.base.formats import read_toml
 from forge.base.names import did_you_mean, is_safe_name
 
 FORGE_TOML = "forge.toml"
+_BARE_KEY = re.compile("[A-Za-z0-9_-]+")
 
 PROFILES: Mapping[str, dict[str, Any]] = {
     name: {"build": {"mixin": [name]}} for name in ("debug", "release", "asan", "tsan", "ubsan")
@@ -48,17 +51,27 @@ def profile_of(content: Mapping[str, Any], name: str, path: Path) -> dict[str, A
         hint = "use letters, digits, '.', '_', '+' and '-', since folders are named after profiles"
         raise SelectionError(Problem(f"invalid name of a profile: '{name}'", hint=hint))
     if name not in profiles:
-        table = f"[profiles.{name}.build]"
-        write = f"write a table {table} with the options of its builds into {FORGE_TOML}"
+        write = f"write a table [{_table(name)}.build] with the options of its builds into {FORGE_TOML}"
         hint = did_you_mean(name, profiles) or write
         place = Location(path) if path.exists() else None
         raise SelectionError(Problem(f"unknown profile '{name}'", place, hint))
+    if not isinstance(profiles[name], dict):
+        hint = f"write tables of options, such as [{_table(name)}.build]"
+        raise WorkspaceError(Problem(f"the profile '{name}' is not a table", Location(path), hint))
     tables = table_of(profiles, name, path)
     if keys := [key for key, value in tables.items() if not isinstance(value, dict)]:
         message = f"'{keys[0]}' of the profile '{name}' belongs to no command"
-        hint = f"write it below [profiles.{name}.build], or below another command"
+        hint = f"write it below [{_table(name)}.build], or below another command"
+        if keys[0] in {"build", "test"}:
+            message = f"'{keys[0]}' of the profile '{name}' is not a table of options"
+            hint = f"write a table [{_table(name)}.{keys[0]}] of 'option = value'"
         raise WorkspaceError(Problem(message, Location(path), hint))
     return tables
+
+
+def _table(profile: str) -> str:
+    """Return the table of a profile as TOML spells it."""
+    return f"profiles.{profile if _BARE_KEY.fullmatch(profile) else json.dumps(profile, ensure_ascii=False)}"
 
 
 def folder_of_profile(base: str, name: str) -> str:

@@ -85,7 +85,7 @@ def test_invalid_settings_are_reported_and_ignored(forge: Forge, root: Path) -> 
     assert "'forge list' has no option 'packages-selekt'\nhint: did you mean 'packages-select'?" in told
     assert "option 'packages-skip' of 'forge list' expects a list, not 'a'" in told
     assert "option 'names-only' of 'forge list' expects true or false, not 1" in told
-    assert "option 'metas' of 'forge list' expects a string, not [2]" in told
+    assert "option 'metas' of 'forge list' expects a list in which each element is a string, not [2]" in told
     told = forge("build", "--packages-select", cwd=root).err
     assert "option 'parallel-workers' of 'forge build': 'many' is not a number of packages" in told
     assert "option 'executor' of 'forge build' expects one of parallel, sequential, dask, not 'none'" in told

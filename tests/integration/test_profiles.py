@@ -175,9 +175,44 @@ def test_an_option_outside_of_a_command_is_an_error(forge: Forge, root: Path) ->
     assert "hint: write it below [profiles.debug.build], or below another command\n" in ran.err
 
 
+@pytest.mark.parametrize("table", ["build", "profiles.debug.build"])
+def test_an_invalid_folder_does_not_lead_to_other_builds(forge: Forge, root: Path, table: str) -> None:
+    (root / "forge.toml").write_text(f"[{table}]\nbuild-base = 3\ninstall-base = ['x']\n")
+    ran = forge("build", "--profile", "debug", cwd=root)
+    assert (ran.code, "warning: option 'build-base' of 'forge build' expects a string, not 3" in ran.err) == (
+        0,
+        True,
+    )
+    assert folders(root) == {"build-debug", "install-debug", "log-debug"}
+    assert forge("test", "--profile", "debug", cwd=root).code == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "message", "hint"),
+    [
+        (
+            "[profiles]\ndebug = 3",
+            "the profile 'debug' is not a table",
+            "write tables of options, such as [profiles.debug.build]",
+        ),
+        (
+            "[profiles.debug]\nbuild = 3",
+            "'build' of the profile 'debug' is not a table of options",
+            "write a table [profiles.debug.build] of 'option = value'",
+        ),
+    ],
+)
+def test_a_profile_consists_of_tables(forge: Forge, root: Path, text: str, message: str, hint: str) -> None:
+    (root / "forge.toml").write_text(f"{text}\n")
+    ran = forge("build", "--profile", "debug", cwd=root)
+    assert (ran.code, ran.err) == (2, f"{root}/forge.toml: error: {message}\nhint: {hint}\n")
+
+
 @pytest.mark.parametrize(
     ("name", "hint"),
     [
+        ("gr\u00fcn", 'write a table [profiles."gr\u00fcn".build] with the options'),
+        ("v1.2", 'write a table [profiles."v1.2".build] with the options'),
         ("debgu", "did you mean 'debug'?"),
         ("fats", "did you mean 'fast'?"),
         ("zzz", "write a table [profiles.zzz.build] with the options of its builds into forge.toml"),
