@@ -18,7 +18,7 @@ from pathlib import Path
 
 from forge.engine.accesses import Accesses, ObservedCommands
 from forge.engine.observation import Observation, ObservedStep, Process, observe
-from forge.engine.variables import copies_environment, mentioned, of_interpreter
+from forge.engine.variables import copies_environment, has_few_modules, mentioned, of_interpreter
 from forge.engine.world import (
     CPU_INFO,
     KIND,
@@ -179,6 +179,7 @@ class Folders:
         self._is_found = cache(self._look_at_kind)
         self._is_no_source = cache(self._look_beside)
         self._is_script = cache(self._look_for_script)
+        self._is_foreign_script = cache(self._look_for_foreign_script)
         self._mentioned = cache(self._scripts.variables)
 
     def _look_for_path(self, path: str) -> str | None:
@@ -449,7 +450,10 @@ class Folders:
         name_sets += map(of_interpreter, process.programs)
         for number, kind, path in process.records:
             program = process.program_at(number) if kind == "R" else ""
-            if program and copies_environment(program) and self._is_script(path):
+            if not program or not copies_environment(program):
+                continue
+            # Modules of Python and CMake elsewhere name many variables that do not matter.
+            if self._is_script(path) or (has_few_modules(program) and self._is_foreign_script(path)):
                 name_sets.append(self._mentioned(path, program))
         return frozenset[str]().union(*name_sets)
 
@@ -457,12 +461,22 @@ class Folders:
         """Return whether a file belongs to a package, not to a Python environment in the workspace."""
         if self.path(path) is not None:
             return not path.endswith(_OF_CMAKE)
-        folder = os.path.dirname(path)
-        while f"{folder}/".startswith(self._workspace):
-            if any(os.path.lexists(f"{folder}/{mark}") for mark in ENVIRONMENT_MARKS):
-                return False
-            folder = os.path.dirname(folder)
-        return path.startswith(self._workspace)
+        return path.startswith(self._workspace) and not _is_in_environment(path, self._workspace)
+
+    def _look_for_foreign_script(self, path: str) -> bool:
+        """Return whether a file lies outside the workspace, like a compiler wrapper of the user."""
+        is_elsewhere = self._is_external(path) and not path.startswith((self._workspace, *_OF_SYSTEM))
+        return is_elsewhere and not _is_in_environment(path, "/")
+
+
+def _is_in_environment(path: str, above: str) -> bool:
+    """Return whether a file belongs to a Python environment below a folder."""
+    folder = os.path.dirname(path)
+    while f"{folder}/".startswith(above) and folder != "/":
+        if any(os.path.lexists(f"{folder}/{mark}") for mark in ENVIRONMENT_MARKS):
+            return True
+        folder = os.path.dirname(folder)
+    return False
 
 
 def is_for_this_processor(text: str) -> bool:
@@ -506,6 +520,8 @@ _SYSTEM_LIBRARIES = ("/lib", "/usr/lib")
 
 They change with the system's tools.
 """
+_OF_SYSTEM = ("/bin/", "/etc/", "/lib", "/opt/", "/usr/bin/", "/usr/lib", "/usr/share/", "/dev/")
+"""Scripts for all kinds of users and sessions."""
 _NATIVE_WORDS = ("native", "-xHost", CPU_INFO)
 _NATIVE = re.compile(rf"\bnative\b|-xHost\b|{CPU_INFO}")
 """Compiler options for the host processor, and the file from which scripts read its model."""

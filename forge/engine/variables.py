@@ -128,12 +128,20 @@ def mentioned(text: str, program: str = "") -> frozenset[str]:
     Requests of such a program cannot be observed, only files that it reads: scripts and templates.
     """
     naming = _NAMING_OF_CMAKE if _is_cmake(program) else _NAMING
-    return frozenset(match[match.lastindex] for match in naming.finditer(text) if match.lastindex)
+    names = frozenset(match[match.lastindex] for match in naming.finditer(text) if match.lastindex)
+    is_shell = not program or _IS_SHELL.match(os.path.basename(program)) is not None
+    home = _HOME_OF_SHELLS if is_shell else _HOME_OF_OTHERS
+    return names | {"HOME"} if home.search(text) else names
 
 
 def copies_environment(program: str) -> bool:
     """Return whether a program, given as its path, copies the whole environment."""
     return _is_cmake(program) or _COPIES_ENVIRONMENT.match(os.path.basename(program)) is not None
+
+
+def has_few_modules(program: str) -> bool:
+    """Return whether an interpreter mostly reads scripts that it is told to run, unlike Python and CMake."""
+    return _RUNS_SCRIPTS.match(os.path.basename(program)) is not None
 
 
 def _is_cmake(program: str) -> bool:
@@ -148,16 +156,24 @@ def of_interpreter(program: str) -> frozenset[str]:
 _OF_SHELLS = frozenset({"BASH_ENV", "BASHOPTS", "CDPATH", "ENV", "POSIXLY_CORRECT", "SHELLOPTS"})
 _IS_SHELL = re.compile(r"(ba|da|k|z)?sh$")
 _COPIES_ENVIRONMENT = re.compile(r"(ba|da|k|z|fi)?sh$|busybox$|g?make$|python|perl|[gm]?awk$|ruby|node|tclsh")
+_RUNS_SCRIPTS = re.compile(r"(ba|da|k|z|fi)?sh$|g?make$|[gm]?awk$")
 _NAMING_OF_CMAKE = re.compile(r"\bENV\{(\w+)\}")
 _NAMING = re.compile(
     # Perl, awk, Ruby, Node.js, Tcl.
     r"\$?\bENV\{\s*['\"]?(\w+)|\$?\b(?:ENVIRON|ENV|env)(?:\[['\"]|\.|\()(\w+)"
     # xacro, Python's templates and configuration files.
     r"|\$\((?:opt)?env\s+(\w+)|%\((\w+)\)s"
+    # make.
+    r"|\$[({](?:flavor|origin|value)\s+(\w+)|^\s*ifn?def\s+(\w+)"
     # Shells, make, Perl's and Python's templates.
     r"|\$[({]?[#!]?([A-Za-z_]\w*)"
+    r"|(?:\[|\btest)\s+-v\s+(\w+)|\b(?:declare|typeset)\s+-\w+\s+(\w+)"
     # Python.
     r"|environb?\s*(?:\[|\.\s*\w+\s*\()\s*[bru]*['\"](\w+)|getenvb?\s*\(\s*[bru]*['\"](\w+)"
     # Names that are looked up through an alias, as after `env = os.environ`.
-    r"|['\"]([A-Z][A-Z0-9_]+)['\"]|['\"](\w+)['\"]\s+(?:not\s+)?in\s+(?:os\s*\.\s*)?environ"
+    r"|['\"]([A-Z][A-Z0-9_]+)['\"]|['\"](\w+)['\"]\s+(?:not\s+)?in\s+(?:os\s*\.\s*)?environ",
+    re.MULTILINE,
 )
+_HOME_OF_SHELLS = re.compile(r"^(?:[^#\n]*[\s=:])?~(?=[/\s;]|$)", re.MULTILINE)
+_HOME_OF_OTHERS = re.compile(r"\bexpanduser\b|\bPath\.home\(")
+"""Other names of the home folder."""

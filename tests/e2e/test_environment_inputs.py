@@ -311,8 +311,11 @@ def test_a_replaced_compiler_named_by_an_option_causes_a_rebuild(forge: Forge, t
     assert builds.same_as_clean()
 
 
-def test_variables_of_a_compiler_wrapper_in_the_workspace_are_inputs(forge: Forge, tree: Tree) -> None:
-    """Scripts that lie beside the packages, but not what an interpreter installed there reads."""
+@pytest.mark.parametrize("place", ["the workspace", "another folder"])
+def test_variables_of_a_compiler_wrapper_are_inputs(
+    forge: Forge, tree: Tree, tmp_path: Path, place: str
+) -> None:
+    """Scripts beside the packages or elsewhere, but not what an interpreter installed there reads."""
     wrapper = (
         '#!/bin/sh\n. "${0%/*}/venv/lib/more"\nexec gcc -DV="${WRAPPED-1}" -DW="$(. "${0%/*}/sub")" "$@"\n'
     )
@@ -320,7 +323,10 @@ def test_variables_of_a_compiler_wrapper_in_the_workspace_are_inputs(forge: Forg
     tools["tools/sub"] = "echo ${SUBSHELL-1}\n"
     root = tree(cmake("a", "") | tools)
     (root / "tools/cc").chmod(0o755)
-    builds = Builds(forge, root, "--cmake-args", f"-DCMAKE_C_COMPILER={root}/tools/cc")
+    folder = root / "tools"
+    if place == "another folder":
+        folder = folder.rename(tmp_path / "elsewhere")
+    builds = Builds(forge, root, "--cmake-args", f"-DCMAKE_C_COMPILER={folder}/cc")
     builds.build()
     assert builds.build({"UNRELATED": "2"}) == []
     assert builds.build({"SUBSHELL": "2"}) == ["a"]
@@ -459,6 +465,16 @@ def test_home_and_locale_are_inputs_only_if_named(forge: Forge, tree: Tree) -> N
     assert builds.build({"HOME": "/h", "LC_TIME": "C.UTF-8"}) == ["a"]
     assert builds.build({"HOME": "/h/2", "LC_TIME": "C.UTF-8"}) == ["a"]
     assert builds.build({"HOME": "/h/2", "LC_TIME": "C.UTF-8", "LC_NAME": "C"}) == []
+
+
+def test_an_expanded_home_folder_is_an_input(forge: Forge, tree: Tree) -> None:
+    text = "execute_process(COMMAND sh ${CMAKE_SOURCE_DIR}/v.sh OUTPUT_VARIABLE v)\nadd_definitions(${v})\n"
+    files = cmake("a", text) | {"src/a/v.sh": "printf %s -DV=1; cd ~ && pwd | tr -dc 0-9\n"}
+    root = tree(files | {"1/x": "", "2/x": ""})
+    builds = Builds(forge, root)
+    builds.build({"HOME": f"{root}/1"})
+    assert builds.build({"HOME": f"{root}/2"}) == ["a"]
+    assert builds.same_as_clean({"HOME": f"{root}/2"})
 
 
 def test_observed_builds_ignore_results_with_unknown_inputs(forge: Forge, tree: Tree) -> None:
