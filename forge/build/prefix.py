@@ -296,12 +296,12 @@ class PrefixExchange:
         not count as a change. Where no step is observed, files in a merged prefix may be the package's own,
         which no manifest lists.
         """
-        writes = self.writes()
+        others, unclaimed = self._known_others()
+        writes = self.writes() if others else ObservedWrites(complete=True)
         if writes.complete or (self._layout.merged and not writes.started):
             return ()
-        others, unclaimed = self._known_others()
         problems = []
-        for copy, path, status in self._others.entries() if others else ():
+        for copy, path, status in self._others.entries():
             is_known = path in unclaimed or path in writes.files or stats_of(path) == status
             if is_known or not stat.S_ISREG(status[MODE]) or begins_with(path, copy):
                 continue
