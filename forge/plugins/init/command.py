@@ -37,6 +37,7 @@ _FILES: Mapping[str, Mapping[str, str]] = {
 }
 """The files of each option, and their templates."""
 _GITIGNORE = ".gitignore"
+_VARIABLES = ".env"
 _INSTALL_FORGE = frozenset({"github", "gitlab", "devcontainer"})
 PLACEHOLDER = "ros-forge[cmake] @ git+URL_OF_FORGE@COMMIT"
 
@@ -139,6 +140,10 @@ def _warnings(root: Path, wanted: list[str], requirement: str) -> list[Problem]:
                 f"add {', '.join(lines)}",
             )
         )
+    if "vscode" in wanted and os.path.lexists(root / _VARIABLES):
+        message = "the task 'forge: environment', which runs before debugging, will replace this file"
+        hint = "keep your variables in another file, or change '.env' in .vscode to another name"
+        problems.append(Problem(message, Location(Path(_VARIABLES)), hint))
     if requirement == PLACEHOLDER and not _INSTALL_FORGE.isdisjoint(wanted):
         message = "replace URL_OF_FORGE and COMMIT: this forge was not installed from a repository"
         hint = "or pass a pip requirement: --forge 'ros-forge[cmake] @ git+https://...@COMMIT'"

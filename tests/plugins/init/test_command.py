@@ -209,6 +209,14 @@ def test_ci_files_outside_the_repository_root_give_a_warning(forge: Forge, root:
     assert f"'.gitlab-ci.yml' must be in '{root.parent}', the top folder of the repository" in ran.err
 
 
+def test_a_file_that_a_task_would_replace_gives_a_warning(forge: Forge, root: Path) -> None:
+    (root / ".env").write_text("TOKEN=1\n")
+    assert ".env" not in forge("init", "--github", cwd=root).err
+    ran = forge("init", "--vscode", cwd=root)
+    assert (ran.code, ".env: warning: the task 'forge: environment'" in ran.err) == (0, True), ran.err
+    assert (root / ".env").read_text() == "TOKEN=1\n"
+
+
 def test_an_existing_gitignore_is_kept_and_missing_lines_are_listed(forge: Forge, root: Path) -> None:
     (root / ".gitignore").write_text("*.o\n")
     ran = forge("init", cwd=root)
