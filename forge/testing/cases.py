@@ -24,6 +24,8 @@ SEPARATOR = "::"
 _PYTEST_NAME = re.compile(r"test\w*(\[.*\])?")
 _IN_GTEST = re.compile(r"[\w/]+\.[\w/]+")
 _FILE = re.compile(rf"\.py(?={SEPARATOR}|$)")
+_NOT_LOADED = "_FailedTest"
+"""The class of unittest's errors for modules and tests that it cannot load."""
 _SECONDS = 60
 
 
@@ -50,7 +52,7 @@ def selector(case: Case, package: str, kind: StepKind, exists: Callable[[str], b
     """Return the arguments with which pytest or unittest runs one test."""
     parts = case.suite.split(".") if case.suite else []
     if kind is StepKind.UNITTEST:
-        needs_all = not case.suite or " " in case.name or "_FailedTest" in case.suite
+        needs_all = not case.suite or " " in case.name or _NOT_LOADED in case.suite
         return () if needs_all else (f"{case.suite}.{case.name}",)
     if parts[:1] == [package]:
         parts = parts[1:]
@@ -169,8 +171,10 @@ def last_failed(package: Package, context: TestContext, variables: Mapping[str, 
     outcomes = [one for one in collect(context.results_of(package.name)).outcomes if one.counts.bad]
     if package.build_type in PYTHON_TYPES:
         cases = [case for one in outcomes if not one.is_unreadable for case in one.cases]
-        if any(case.name.endswith(".missing_result") for case in cases):
-            return None  # the run crashed or took too long, so that nobody knows which tests failed
+        # The run crashed or took too long, or unittest could not load a module, so that nobody knows which
+        # tests failed.
+        if any(case.name.endswith(".missing_result") or _NOT_LOADED in case.suite for case in cases):
+            return None
         return _of_python(package, cases, context, if_missing_all=True) if cases else None
     if package.build_type not in CMAKE_TYPES:
         return None
@@ -204,23 +208,27 @@ def _of_python(
     exists = lambda path: (source / path).is_file()  # noqa: E731  (a question, not a function)
     names = [case.name.partition("[")[0] for case in cases]
     nodes: list[str] = []
+    named: list[str] = []
     by_names = False
     for case, name in zip(cases, names, strict=True):
         if SEPARATOR in name or name.endswith(".py"):
             nodes.append(case.name)
+            named.append(_dotted_node(case.name))
             continue
         *keyword, node = selector(case, package.name, StepKind.PYTEST, exists)
         file = node.partition(SEPARATOR)[0]
         needs_all = if_missing_all and not keyword and name not in text_or_nothing(source / file)
         nodes.append(file if needs_all else node)
         by_names |= bool(keyword)
+        own_name = f"{case.suite}.{case.name}" if case.suite else case.name
+        named.append(_dotted_node(file) if needs_all else own_name)
     # pytest combines file and name filters, so if the file of one test is unknown, all are selected by name
     # only.
     keywords = " or ".join(dict.fromkeys(name.rpartition(SEPARATOR)[2] for name in names))
     pytest_args = ("-k", keywords) if by_names else (*dict.fromkeys(nodes),)
-    named = [f"{case.suite}.{case.name}" if case.suite else case.name for case in cases]
-    named = [_dotted_node(name) if _FILE.search(name) else name for name in named]
-    unittest_args = [word for name in named for word in ((name,) if "." in name else ("-k", name))]
+    unittest_args = [
+        word for name in dict.fromkeys(named) for word in ((name,) if "." in name else ("-k", name))
+    ]
     return ChosenTests(pytest_args=pytest_args, unittest_args=tuple(unittest_args))
 
 

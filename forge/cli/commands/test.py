@@ -53,8 +53,13 @@ from forge.testing.preparing import RestoredSetup, has_no_tests, not_runnable, p
 from forge.workspace.load import LoadedWorkspace, load_workspace
 from forge.workspace.selection import Query
 
-_UNKNOWN_NODE = re.compile(r"^ERROR: (?:file or directory )?not found: ", re.MULTILINE)
-"""What pytest prints before it ends without running any test."""
+_UNKNOWN_NAME = re.compile(
+    r"^ERROR: (?:(?:file or directory )?not found: "
+    r"|(?P<name>\S+) \(unittest\.loader\._FailedTest.*\n-+\n"
+    r"AttributeError: .* has no attribute '(?P=name)'$)",
+    re.MULTILINE,
+)
+"""What pytest prints before it fails without running any test, and unittest for a test without that name."""
 
 
 @frozen
@@ -320,5 +325,7 @@ def _found_none(name: str, plan: BuildPlan, setup: running.TestSetup, session: S
     """Return whether a package has no test of the chosen names, as its results or pytest say."""
     counts = running.total_counts([plan.tasks[name]], setup)
     log = session.log.folder and session.log.folder / name / "stdout_stderr.log"
-    is_refused = name in session.report.tally.failed and log and _UNKNOWN_NODE.search(text_or_nothing(log))
-    return bool(is_refused) or not (counts and counts.tests)
+    unknown = _UNKNOWN_NAME.search(text_or_nothing(log)) if log else None
+    if unknown and (unknown["name"] or name in session.report.tally.failed):
+        return True
+    return not (counts and counts.tests)

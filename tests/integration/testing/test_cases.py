@@ -184,6 +184,8 @@ def test_a_name_without_a_test_is_an_error(forge: Forge, root: Path, word: str, 
         ("y::tests/test_y.py::test_none", "no test of 'y' has such a name"),
         ("y::tests/test_none.py", "no test of 'y' has such a name"),
         ("y::tests.test_y.test_value[5]", "no test of 'y' has such a name"),
+        ("u::tests.test_u.Values.test_none", "no test of 'u' has such a name"),
+        ("u::tests.test_u.None", "no test of 'u' has such a name"),
         ("y::-x", "'y::-x' does not name a test"),
     ],
 )
@@ -192,6 +194,15 @@ def test_a_node_that_pytest_does_not_find_is_an_error(
 ) -> None:
     ran = forge("test", word, "--return-code-on-test-failure", cwd=root)
     assert (ran.code, f"error: {message}\n" in ran.err) == (2, True), ran.err
+
+
+def test_last_failed_runs_all_tests_of_unittest_after_a_failed_import(forge: Forge, root: Path) -> None:
+    file = root / "src/u/tests/test_u.py"
+    text = file.read_text()
+    file.write_text(f"import no_such_module\n{text}")
+    assert "1 error" in forge("test", "u", cwd=root).out
+    file.write_text(text)
+    assert failed(forge("test", "--last-failed", cwd=root)) == ["u: tests.test_u.Values.test_bad"]
 
 
 def test_a_failed_import_is_a_failure(forge: Forge, root: Path) -> None:
@@ -237,14 +248,17 @@ def test_a_named_test_that_does_not_run_is_an_error(forge: Forge, root: Path) ->
 def test_renamed_tests_do_not_prevent_rerunning_others(forge: Forge, root: Path) -> None:
     tests = root / "src/y/tests/test_y.py"
     tests.write_text(f"{tests.read_text()}\n\ndef test_old():\n    assert 0\n")
-    forge("test", "y", "p", cwd=root)
+    forge("test", "y", "u", "p", cwd=root)
+    in_unittest = root / "src/u/tests/test_u.py"
+    in_unittest.write_text(in_unittest.read_text().replace("test_bad", "test_worse"))
     tests.write_text(tests.read_text().replace("test_old", "test_new"))
     lists = root / "src/p/CMakeLists.txt"
     lists.write_text(lists.read_text().replace("NAME plain", "NAME fancy"))
     forge("build", cwd=root)
     ran = forge("test", "--last-failed", cwd=root)
+    in_u = ["u: tests.test_u.Values.test_worse"]
     in_y = ["y: tests.test_y.test_value[2]", "y: tests.test_y.test_new"]
-    assert failed(ran) == ["p: Math.adds", "p: Other.fails", *in_y]
+    assert failed(ran) == ["p: Math.adds", "p: Other.fails", *in_u, *in_y]
 
 
 def test_an_inherited_failed_test_is_rerun(forge: Forge, root: Path) -> None:
