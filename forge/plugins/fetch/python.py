@@ -209,7 +209,8 @@ def prepare_interpreter(underlay: Path, lock: Lock, python: Path, cache: Path) -
     if not modules:
         return str(python)
     environment = underlay / "venv"
-    make_environment(environment, python.resolve(), system=sees_system(lock, ()))
+    # Always with the modules of the system: to add them for a later lock would build all packages again.
+    make_environment(environment, python.resolve(), system=True)
     install_modules(environment, modules, cache)
     return str(environment / "bin/python3")
 

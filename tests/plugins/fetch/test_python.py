@@ -118,6 +118,8 @@ def test_python_modules_are_pinned_and_used_by_programs(
     assert ran.out == f"1.5 1.1 {workspace / '.venv'}\n"
     (of_ros,) = (tmp_path / "ros/user cache/forge/ros/underlays").glob("*/venv")
     assert (version_in(of_ros, "lark"), version_in(of_ros, "tiny")) == ("1.1", "")
+    settings = (of_ros / "pyvenv.cfg").read_text()
+    assert "include-system-site-packages = true" in settings  # as other locks may need
     again = forge("fetch", "--locked", "--offline", cwd=workspace, env=env)
     assert (again.code, again.err) == (0, "")
 
