@@ -270,9 +270,12 @@ def install_modules(folder: Path, modules: Sequence[Module], cache: Path, *, off
     )
     if text_or_nothing(folder / _STAMP) == _INSTALLING:
         _remove_remains(folder, {each.name for each in modules})
+    names = {each.name for each in modules}
+    others = [line for line in _installed(folder) if line.partition("==")[0] not in names]
     replace_file(folder / _STAMP, _INSTALLING.encode())
     _Installer(python, cache, offline=offline).install(text)
-    replace_file(folder / _STAMP, _stamp(folder, modules).encode())
+    lines = sorted([*others, *text.splitlines()])
+    replace_file(folder / _STAMP, "\n".join((_origin(folder), *lines, "")).encode())
 
 
 def _remove_remains(folder: Path, names: Collection[str]) -> None:
@@ -298,11 +301,19 @@ def _remove_remains(folder: Path, names: Collection[str]) -> None:
 
 
 def _has_modules(folder: Path, modules: Sequence[Module]) -> bool:
-    return text_or_nothing(folder / _STAMP) == _stamp(folder, modules)
+    """Return whether an environment has these modules, perhaps among those that other workspaces need."""
+    return {*requirements_text(modules).splitlines()} <= {*_installed(folder)} if modules else False
 
 
-def _stamp(folder: Path, modules: Sequence[Module]) -> str:
-    return f"# {(folder / 'bin/python3').resolve()} in {folder.absolute()}\n{requirements_text(modules)}"
+def _installed(folder: Path) -> tuple[str, ...]:
+    """Return the lines of a requirements.txt of all modules that forge installed, none after a kill."""
+    origin, *lines = text_or_nothing(folder / _STAMP).splitlines() or [""]
+    return tuple(lines) if origin == _origin(folder) else ()
+
+
+def _origin(folder: Path) -> str:
+    """Return a line that changes when an environment gets another interpreter, or is moved."""
+    return f"# {(folder / 'bin/python3').resolve()} in {folder.absolute()}"
 
 
 def add_modules(

@@ -152,6 +152,27 @@ def test_modules_keep_their_versions_until_update(ros: Ros, uv: Index, forge: Fo
     assert version_in(workspace / ".venv", "tiny") == "1.2"
 
 
+def test_workspaces_that_need_different_modules_install_them_once(
+    ros: Ros, uv: Index, forge: Forge, tmp_path: Path
+) -> None:
+    modules_of = {"psutil": "5.0", "netifaces": "0.1"}
+    for name, version in modules_of.items():
+        uv.add(name, version)
+        ros.release(f"show_{name}", *depends("rclmini", f"python3-{name}"))
+    env = {**ros.variables(), **uv.variables()}
+    for name in modules_of:
+        workspace = tmp_path / name
+        workspace.mkdir()
+        assert forge("fetch", f"show_{name}", cwd=workspace, env=env).code == 0
+        ran = forge("build", cwd=workspace, env=env)
+        assert (ran.code, "installing 2 Python modules in " in ran.err) == (0, True), ran.err
+    (of_ros,) = (tmp_path / "ros/user cache/forge/ros/underlays").glob("*/venv")
+    for name in modules_of:
+        ran = forge("build", cwd=tmp_path / name, env=env)
+        assert (ran.code, ran.err) == (0, "")
+        assert {each: version_in(of_ros, each) for each in modules_of} == modules_of
+
+
 def test_a_lock_of_another_machine_is_installed_offline_with_hash_checks(
     ros: Ros, index: Index, forge: Forge, tmp_path: Path
 ) -> None:
