@@ -69,7 +69,7 @@ from forge.engine.world import PACKAGE_FOUND, PROCESSOR, World
 from forge.workspace.model import CMAKE_TYPES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Collection, Iterator, Mapping
 
     from forge.build.installed_states import InstalledStates
     from forge.build.model import BuildRecord
@@ -120,12 +120,14 @@ def prepare_build_dir(
     kept: tuple[str, ...] = (),
     can_reuse: bool,
     reconfigure: bool,
+    before_removal: Callable[[Collection[str] | None], None] = lambda _: None,
 ) -> tuple[Reuse, FolderRecord]:
     """Prepare a build folder for the steps that follow; return how much of it is reused, and its record.
 
     `last` is its last record, `now` contains the current inputs. `kept` are names that remain when the folder
     is emptied. `can_reuse` is False for build types that always start from empty, except for these;
-    `reconfigure` runs CMake in any case.
+    `reconfigure` runs CMake in any case. `before_removal` is called with the paths that are then removed,
+    None for all.
     """
     decision = _NOTHING
     if can_reuse and last:
@@ -137,7 +139,9 @@ def prepare_build_dir(
             each.remaining - {output} for output, each in seen.edges.items() if output in decision.dropped
         )
         # The install step must not see files that the previous one wrote.
-        for path in sorted(seen.left.union(decision.dropped).difference(*remaining), reverse=True):
+        removed = seen.left.union(decision.dropped).difference(*remaining)
+        before_removal(removed)
+        for path in sorted(removed, reverse=True):
             if not path.startswith(f"{build}/") or not os.path.lexists(path.rstrip("/")):
                 continue
             if path.endswith("/"):  # others may lie in it
@@ -147,6 +151,7 @@ def prepare_build_dir(
                 _discard(Path(path))
         _touch_build_ninja(build)
     else:
+        before_removal(None)
         _begin_empty(build, reuse, kept)
     (build / SCRATCH_DIR / DEFERRED_BUILD_FILE).unlink(missing_ok=True)
     record = replace(

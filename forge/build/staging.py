@@ -14,6 +14,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import shutil
 import stat
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -23,6 +24,7 @@ from typing import Any
 from forge.base.errors import Problem
 from forge.base.files import (
     BYTECODE,
+    DRAFT,
     capabilities,
     listed_paths,
     read_json,
@@ -91,6 +93,37 @@ def forget_sources(task: Task) -> None:
     notes = _notes_file(task.build_dir)
     if data := read_json(notes):
         replace_file(notes, json.dumps({**data, "sources": None}).encode())
+
+
+def keep_linked(task: Task, layout: Layout, removed: Collection[str] | None) -> None:
+    """Keep the files in the build folder that installed links lead to; `removed` (None: all) are about to go.
+
+    Otherwise the last build could not be used until this one succeeds, or at all if it fails.
+    """
+    listed = read_installed_list(task.name, layout) or InstalledList({})
+    below = f"-> {task.build_dir}/"
+    skip = len(str(layout.install)) + 1
+    kept: dict[str, str] = {}
+    for path, identity in listed.files.items():
+        target = identity.removeprefix("-> ")
+        if not identity.startswith(below) or (removed is not None and target not in removed):
+            continue
+        folder, _, name = path.rpartition("/")
+        draft = f"{folder}/.{name[:200]}{DRAFT}"
+        with contextlib.suppress(OSError):
+            if os.readlink(path) == target and stat.S_ISREG(os.lstat(target).st_mode):
+                Path(draft).unlink(missing_ok=True)
+                try:
+                    os.link(target, draft)
+                except OSError:  # perhaps on another file system
+                    shutil.copy2(target, draft)
+                os.replace(draft, path)
+                kept[path[skip:]] = identity_now(path)
+    if kept:
+        file = list_file(task.name, layout)
+        data = json.loads(file.read_bytes())
+        replace_file(file, json.dumps({**data, "files": {**data["files"], **kept}}).encode())
+        forget_sources(task)
 
 
 def begin(task: Task, layout: Layout) -> None:

@@ -58,7 +58,7 @@ from forge.toolchain.interpreter import Interpreter, own_command
 from forge.workspace.model import CMAKE_TYPES, RUN_KINDS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
     from pathlib import Path
 
     from forge.build.state import BuildState
@@ -167,6 +167,7 @@ class TaskSetup(TaskLifecycle):
             kept=() if from_empty else tuple(task.kept),
             can_reuse=task.package.build_type in CMAKE_TYPES and not from_empty,
             reconfigure=task.reconfigure,
+            before_removal=lambda removed: self._keep_linked(task, removed),
         )
         self._begun[task.name] = last, record
         if reuse is Reuse.NOTHING:
@@ -217,6 +218,12 @@ class TaskSetup(TaskLifecycle):
         exchange = PrefixExchange(task.name, self.layout)
         self.kept.extend(exchange.begin(task.earlier, shared))
         raise_if_any(exchange.in_the_way(package_markers(task.name, self.layout)), WorkspaceError)
+
+    def _keep_linked(self, task: Task, removed: Collection[str] | None) -> None:
+        if task.stage and self.layout.symlink:
+            again = None if removed is None else read_native_graph(task.build_dir).with_made_from(removed)
+            with self._alone:
+                staging.keep_linked(task, self.layout, again)
 
     def restore(self, task: Task) -> BuildRecord | None:
         """Install the cached result of a task; return None and change nothing if there is none."""

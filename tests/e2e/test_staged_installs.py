@@ -48,11 +48,14 @@ def hello(root: Path) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.needs("g++")
-def test_an_installed_program_can_be_started_throughout_its_rebuild(forge: Forge, tree: Tree) -> None:
+@pytest.mark.parametrize("options", [(), (LINKED,)], ids=["copies", "links"])
+def test_an_installed_program_can_be_started_throughout_its_rebuild(
+    forge: Forge, tree: Tree, options: tuple[str, ...]
+) -> None:
     root = tree(
         cmake("a", PROGRAM, languages="C", **{"hello.c": HELLO, "greet.c": GREET % "0", "words.txt": ""})
     )
-    build(forge, root)
+    build(forge, root, *options)
     said, ended = [], threading.Event()
 
     def run_often() -> None:
@@ -64,14 +67,43 @@ def test_an_installed_program_can_be_started_throughout_its_rebuild(forge: Forge
     try:
         for number in range(1, 4):
             tree({"src/a/greet.c": GREET % number, "src/a/hello.c": f"{HELLO}int more{number};\n"})
-            build(forge, root)
+            build(forge, root, *options)
         tree({"src/a/greet.c": "broken"})
-        assert forge("build", cwd=root).code == 1
+        assert forge("build", *options, cwd=root).code == 1
     finally:
         ended.set()
         starter.join()
     assert {ran.returncode for ran in said} == {0}, [ran.stderr for ran in said if ran.returncode]
     assert hello(root).stdout == "3\n"
+
+
+BREAKS: dict[str, dict[str, str]] = {
+    "CMake": {"src/a/more.cmake": "message(FATAL_ERROR)\n"},
+    "a compiler, after CMake ran": {"src/a/more.cmake": "add_compile_options(--wrong)\n"},
+    "a compiler, in a folder that began empty": {"outside": "2", "src/a/greet.c": "wrong"},
+}
+
+
+@pytest.mark.parametrize("what", BREAKS)
+def test_installed_links_lead_to_the_last_result_until_a_build_succeeds(
+    forge: Forge, tree: Tree, what: str
+) -> None:
+    """Even if what they lead to in the build folder is gone."""
+    body = f"include(more.cmake)\nfile(READ ${{CMAKE_SOURCE_DIR}}/../../outside text)\n{PROGRAM}"
+    sources = {"hello.c": HELLO, "greet.c": GREET % "0", "words.txt": "", "more.cmake": ""}
+    files = {**cmake("a", body, languages="C", **sources), "outside": "1"}
+    root = tree(files)
+    build(forge, root, LINKED)
+    tree(BREAKS[what])
+    for _ in range(2):
+        assert forge("build", LINKED, cwd=root).code == 1
+        assert hello(root).stdout == "0\n"
+    tree({**files, "src/a/greet.c": GREET % "1"})
+    hold_against_clean(forge, root, LINKED)
+    assert hello(root).stdout == "1\n"
+    tree({"src/a/greet.c": GREET % "2"})
+    hold_against_clean(forge, root, LINKED)
+    assert hello(root).stdout == "2\n"
 
 
 @pytest.mark.needs("g++")

@@ -21,7 +21,7 @@ from forge.base.layout import SCRATCH_DIR
 from forge.build.inputs.fingerprints import DIR_LISTING_SUFFIX, source_files, source_folders
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterator, Mapping, Sequence
 
     from forge.engine.observation import Process
 
@@ -88,6 +88,15 @@ class NativeGraph:
             for path in self.inputs_of(edge):
                 by_input[path].append(edge)
         return by_input
+
+    def with_made_from(self, paths: Collection[str]) -> frozenset[str]:
+        """Return paths and all outputs that are made from them, directly or not."""
+        users, found, waiting = self.users(), {*paths}, [*paths]
+        while waiting:
+            outputs = {output for edge in users.get(waiting.pop(), ()) for output in edge.outputs}
+            waiting += outputs - found
+            found |= outputs
+        return frozenset(found)
 
     def known(self) -> frozenset[str]:
         """Return every path that is an input of some edge."""
