@@ -115,9 +115,15 @@ class Journal:
         self.records[name] = replace(before, inputs=inputs, complete=False, began=began)
 
     def forget(self, name: str) -> None:
-        """Remove the record of a package."""
-        if self.records.pop(name, None):
-            self._append({"package": name})
+        """Remove the record of a package; others may have installed files that it replaced."""
+        record = self.records.pop(name, None)
+        if record is None:
+            return
+        self._append({"package": name})
+        files = frozenset(record.files)
+        for other, each in [*self.records.items()]:
+            if each.installed.stamp and not files.isdisjoint(each.files):
+                self.set_record(other, replace(each, installed=replace(each.installed, stamp="")))
 
     def close(self) -> None:
         """Close the file; compact it if most of it is obsolete."""

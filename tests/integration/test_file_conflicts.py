@@ -1,5 +1,7 @@
 """Two packages of a merged tree that install one file."""
 
+import shutil
+
 import pytest
 
 from tests.conftest import Forge, Ran, Tree
@@ -78,3 +80,15 @@ def test_the_last_package_wins_after_earlier_ones_were_installed_at_the_same_tim
     root = tree(files)
     assert forge("build", "--merge-install", "--parallel-workers", "2", cwd=root).code == 0
     assert (root / "install/share/common/words").read_text() == "c"
+
+
+def test_after_the_winner_was_removed_the_next_package_installs_its_file_again(
+    forge: Forge, tree: Tree
+) -> None:
+    files = {"a": "one", "b": "two", "c": "three"}
+    build(forge, tree, files, "--merge-install")
+    root = tree({})
+    shutil.rmtree(root / "src/c")
+    assert forge("clean", "stale", "--yes", cwd=root).code == 0
+    assert forge("build", "--merge-install", cwd=root).code == 0
+    assert (root / "install/share/common/words").read_text() == "two"
