@@ -4,8 +4,7 @@
 PYTHON ?= python3
 PYTEST ?= .venv/bin/python -m pytest
 # The tests of a file share fixtures and stay together; the slow files come first, and short ones fill the end.
-WORKERS ?= logical
-PARALLEL = --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder
+PARALLEL = --numprocesses logical --dist loadfile --no-loadscope-reorder
 
 .PHONY: help demo test test-all coverage bare quick without-plugins newest-cmake oldest-cmake cross fuzz fuzz-parsers scale soak peers debian-peers lint types bench quick-bench clean
 
