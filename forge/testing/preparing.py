@@ -23,7 +23,7 @@ from forge.base.errors import (
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.graph import closures, ordered_names
-from forge.base.layout import BUILD_RESULT, FILE_TABLE, TEST_SCRATCH_DIR, Layout
+from forge.base.layout import BUILD_RESULT, FILE_TABLE, PACKAGE_LOCK, TEST_SCRATCH_DIR, Layout
 from forge.base.text import listed, quoted_names
 from forge.build.build_dir import empty_build_dir
 from forge.build.build_types import build_type_of, by_toolchain, unknown_types
@@ -47,7 +47,7 @@ from forge.toolchain.languages import compiled_packages
 from forge.toolchain.programs import find_ctest
 from forge.toolchain.python_modules import install_command, missing_modules
 from forge.workspace.load import LoadedWorkspace
-from forge.workspace.model import CMAKE_TYPES, PYTHON_TYPES, Package
+from forge.workspace.model import CMAKE_TYPES, PYTHON_TYPES, TEST_KINDS, Package
 
 _TEST_MODULES = ("pytest", "pytest_cov", "pytest_repeat")
 
@@ -204,14 +204,18 @@ def prepare_context(
     for toolchain, of_type in by_toolchain(packages):
         lacking |= _lacking(of_type, partial(toolchain, of_type, context, variables))
     if "pytest" in missing:
-        need_pytest = tuple(
-            package.name
+        need_pytest = {
+            package.name: package
             for package in python
             if framework(package, context.of(package), requirements_of_tests(context.source(package)))
             == "pytest"
-        )
-        message = f"'{interpreter.path}' has no pytest, which is required by {listed(need_pytest)}"
-        command = install_command(interpreter.path, ("pytest",))
+        }
+        message = f"'{interpreter.path}' has no pytest, which is required by {listed([*need_pytest])}"
+        declared = any("python3-pytest" in each.manifest.names(TEST_KINDS) for each in need_pytest.values())
+        if declared and (loaded.workspace.root / PACKAGE_LOCK).exists():
+            command = "run 'forge fetch --test'"
+        else:
+            command = install_command(interpreter.path, ("pytest",))
         hint = f"{command}; or test with unittest: --python-testing unittest"
         lacking |= dict.fromkeys(need_pytest, Problem(message, hint=hint))
     if lacking and len(lacking) == len(names):

@@ -504,6 +504,12 @@ def test_without_pytest_only_packages_that_need_it_are_not_tested(
     assert "has no pytest" in forge("test-result", "--verbose", cwd=workspace).out
     alone = forge("test", "--python", str(python), "--packages-select", "p_test", cwd=workspace)
     assert (alone.code, "has no pytest" in alone.err) == (2, True)
+    manifest = workspace / "src/p_test/package.xml"
+    test_depend = "<test_depend>python3-pytest</test_depend></package>"
+    manifest.write_text(manifest.read_text().replace("</package>", test_depend))
+    (workspace / "forge.lock").touch()
+    locked = forge("test", "--python", str(python), "--packages-select", "p_test", cwd=workspace)
+    assert "hint: run 'forge fetch --test'; or test with unittest" in locked.err
 
 
 def test_other_packages_are_tested_without_cargo(

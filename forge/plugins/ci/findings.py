@@ -13,15 +13,16 @@ from forge.base.frozen import frozen
 from forge.base.layout import IGNORE_MARK
 from forge.output.reporters import Reporter, Run
 
+_PLACE = r"(?P<file>[^\s:](?:[^:\n]|:(?!\s))*?):(?P<line>\d+)(?::(?P<column>\d+))?"
+"""A location; the name of a file may contain colons."""
 _DIAGNOSTIC = re.compile(
-    r"^(?P<file>[^\s:][^:\n]*):(?P<line>\d+)(?::(?P<column>\d+))?: (?:fatal )?"
+    rf"^{_PLACE}: (?:fatal )?"
     r"(?P<severity>error|warning): (?P<message>.*)$"
     r"|^CMake (?P<kind>Error|Warning)(?: \(dev\))? at (?P<list>[^:\n]+):(?P<number>\d+) \(.*\):\n"
     r"(?P<text>(?:[ \t]*\n)*(?:  .*\n)*)",
     re.MULTILINE,
 )
 """Messages of GCC, Clang, forge's interface compiler and CMake."""
-_PLACE = r"(?P<file>[^\s:][^:\n]*):(?P<line>\d+)(?::(?P<column>\d+))?"
 _ORIGINS = (
     re.compile(
         rf"^{_PLACE}:(?:\s+required from here| note: in instantiation of .* requested here)$", re.MULTILINE

@@ -8,7 +8,7 @@ from forge.base.errors import Problem, SelectionError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean
 from forge.plugins.fetch.index import Snapshot
-from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, DependencyKind, Manifest
+from forge.workspace.model import BUILD_KINDS, RUN_KINDS, DependencyKind, Manifest
 
 MIDDLEWARES = {"cyclonedds": "rmw_cyclonedds_cpp", "fastrtps": "rmw_fastrtps_cpp", "zenoh": "rmw_zenoh_cpp"}
 """Values of `--rmw` besides names of packages."""
@@ -82,7 +82,6 @@ def resolve(
     and uses at run time those that are installed. Other groups add nothing, because their members are those
     of the workspace (REP 149).
     """
-    kinds = BUILD_KINDS | RUN_KINDS | (TEST_KINDS if tests else frozenset())
     all_middlewares = middlewares(snapshot)
     unwanted = all_middlewares - {middleware} - wanted.keys()
     users: dict[str, set[str]] = {name: set(names) for name, names in wanted.items()}
@@ -94,7 +93,7 @@ def resolve(
             continue
         packages.add(name)
         manifest = snapshot.manifest(name)
-        needed = {*needs_of(manifest, kinds, all_middlewares)} - unwanted
+        needed = {*needs_of(manifest, BUILD_KINDS | RUN_KINDS, all_middlewares, tests=tests)} - unwanted
         if name == _MIDDLEWARE_USER:
             needed.add(middleware)
         for other in needed:
@@ -109,11 +108,14 @@ def resolve(
 
 
 def needs_of(
-    manifest: Manifest, kinds: frozenset[DependencyKind], all_middlewares: frozenset[str]
+    manifest: Manifest, kinds: frozenset[DependencyKind], all_middlewares: frozenset[str], *, tests: bool
 ) -> frozenset[str]:
-    """Return the dependencies of a package without the optional ones."""
+    """Return the dependencies of a package without the optional ones.
+
+    With `tests`, they include those that only the tests of dependent packages use.
+    """
     optional = all_middlewares if manifest.name == _MIDDLEWARE_USER else _OPTIONAL.get(manifest.name, ())
-    for_tests = () if kinds & TEST_KINDS else _FOR_TESTS.get(manifest.name, ())
+    for_tests = () if tests else _FOR_TESTS.get(manifest.name, ())
     return frozenset(manifest.names(kinds)).difference(optional, for_tests, {manifest.name})
 
 

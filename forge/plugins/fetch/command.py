@@ -315,7 +315,7 @@ def _wanted(options: Options, snapshot: Snapshot, loaded: LoadedWorkspace) -> di
     users: dict[str, set[str]] = {}
     for node in loaded.selection.names:
         package = loaded.packages[node]
-        for name in needs_of(package.manifest, kinds, all_middlewares):
+        for name in needs_of(package.manifest, kinds, all_middlewares, tests=options.test):
             if name not in loaded.workspace.packages:
                 users.setdefault(name, set()).add(package.name)
     embedded = _embedded(snapshot.distribution)
@@ -460,7 +460,7 @@ def _download(options: Options, lock: Lock, cache: Path, problems: list[Problem]
     problems += download_packages(absent, cache, progress.count)
     clones, warnings = lock.clones, list[Problem]()
     if not (options.locked or problems):
-        locked_clones, warnings = lock_clones(lock.packages, cache, tests=options.test)
+        locked_clones, warnings = lock_clones(lock.packages, cache)
         clones = tuple(locked_clones)
     problems += download_clones(clones, cache, progress.count)
     progress.end()

@@ -138,12 +138,10 @@ def place_package(tree: Path, package: LockedPackage, cache: Path) -> None:
         write_record(folder, draft)
 
 
-def lock_clones(
-    packages: Iterable[LockedPackage], cache: Path, *, tests: bool
-) -> tuple[list[Clone], list[Problem]]:
+def lock_clones(packages: Iterable[LockedPackage], cache: Path) -> tuple[list[Clone], list[Problem]]:
     """Return the repositories that the packages clone, and warnings of those that cannot be pinned.
 
-    Calls below `if(BUILD_TESTING)` count with `tests`. CMake decides whether a call is made at all.
+    Calls below `if(BUILD_TESTING)` do not count. CMake decides whether a call is made at all.
     """
     warnings = []
     hint = "if the build clones it, the commit is not locked, and network access is needed"
@@ -155,7 +153,7 @@ def lock_clones(
                 url = words.get("GIT_REPOSITORY") or words.get("VCS_URL") or ""
                 tag = words.get("GIT_TAG") or words.get("VCS_VERSION") or ""
                 for_tests = any("BUILD_TESTING" in each for each in call.conditions)
-                if not (is_repository(call.words) and "://" in url and tag and (tests or not for_tests)):
+                if not (is_repository(call.words) and "://" in url and tag and not for_tests):
                     continue
                 if "$" in url + tag:
                     message = f"'{package.name}' may clone '{url}': CMake computes the tag '{tag}'"

@@ -97,13 +97,14 @@ def test_workflow_commands_are_escaped(text: str) -> None:
     ("text", "expected"),
     [
         ("a b/x.cpp:3:7: error: no\n", Place("a b/x.cpp", 3, 7, "error", "no")),
+        ("a:1.cpp:3:7: error: no\n", Place("a:1.cpp", 3, 7, "error", "no")),
         ("x.cpp:3: fatal error: a.h: none\n", Place("x.cpp", 3, 0, "error", "a.h: none")),
         ("\x1b[1mx.c:3:7: \x1b[35mwarning: \x1b[0mold\n", Place("x.c", 3, 7, "warning", "old")),
         (
             "CMake Warning (dev) at src/a/CMakeLists.txt:2 (message):\n  so\n  old\nThis\n",
             Place("src/a/CMakeLists.txt", 2, 0, "warning", "so old"),
         ),
-        ("  x.cpp:3:7: error: quoted\nnote: x.cpp:1:1: no\n", None),
+        ("  x.cpp:3:7: error: quoted\nnote: x.cpp:1:1: error: no\n", None),
     ],
 )
 def test_errors_and_warnings_are_found_with_their_locations(text: str, expected: Place | None) -> None:
@@ -270,6 +271,21 @@ def test_gitlab_gets_sections_and_a_code_quality_report(forge: Forge, repository
     assert [row["fingerprint"] for row in moved] == [row["fingerprint"] for row in rows]
     forge("clean", "workspace", "-y", cwd=root)
     assert not (root / "log").exists()
+
+
+@pytest.mark.needs("cmake", "ninja")
+def test_a_long_code_quality_report_is_limited(forge: Forge, repository: Path, tree: Tree) -> None:
+    script = "for i in range(6000): print(f'run.py:{i + 1}: warning: old')\nexit('run.py:3: error: no')\n"
+    lists = (
+        "cmake_minimum_required(VERSION 3.16)\nproject(long NONE)\n"
+        "add_custom_target(x ALL COMMAND python3 ${CMAKE_CURRENT_SOURCE_DIR}/run.py)\n"
+    )
+    root = add(repository, tree, {"src/long/CMakeLists.txt": lists, "src/long/run.py": script})
+    ran = forge("build", "--ci-output", "gitlab", cwd=root)
+    path = "log/gl-code-quality-report.json"
+    assert f"code quality report: {path} (the first 5000 of 6001 entries)\n" in ran.out
+    rows = json.loads((root / path).read_text())
+    assert [row["severity"] for row in rows] == ["critical", *["minor"] * 4999]
 
 
 @pytest.mark.parametrize(

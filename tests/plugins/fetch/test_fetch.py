@@ -189,8 +189,18 @@ def test_named_packages_are_added_and_remembered(ros: Ros, forge: Forge, tmp_pat
 def test_tests_and_other_middlewares_are_excluded_by_default(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
     assert forge("fetch", "--rmw", "fastrtps", "--test", cwd=workspace, env=env).code == 0
-    expected = ["fastdds", "lib_vendor", "rclmini", "rmw_fastrtps_cpp", "rmw_implementation", "test_tools"]
+    expected = ["fastdds", "lib_vendor", "rclmini", "rmw_fastrtps_cpp", "rmw_implementation"]
     assert [each["name"] for each in locked(workspace)["package"]] == expected
+
+
+def test_only_tests_of_the_workspace_are_followed(ros: Ros, forge: Forge, tmp_path: Path) -> None:
+    ros.release("own_test_tools", *depends("other_test_tools", tag="test_depend"))
+    ros.release("other_test_tools")
+    needs = (*depends("rclmini"), *depends("own_test_tools", tag="test_depend"))
+    workspace, env = new_workspace(tmp_path / "ws", *needs), ros.variables()
+    for options, expected in (((), NEEDED), (("--test",), sorted([*NEEDED, "own_test_tools"]))):
+        assert forge("fetch", *options, cwd=workspace, env=env).code == 0
+        assert [each["name"] for each in locked(workspace)["package"]] == expected
 
 
 def test_dependencies_used_only_by_tests_are_excluded(ros: Ros, forge: Forge, tmp_path: Path) -> None:
