@@ -125,7 +125,7 @@ def _values(reading: Reading, line: int, written: str) -> Iterator[Proposal]:
     element = element_of(type_)
     if type_text(element, "").word == "bool":
         yield from (Proposal(word, "value") for word in ("true", "false"))
-    owner = next((each.owner for each in reversed(reading.occurrences) if each.line <= line), None)
+    owner = next((each.owner for each in reversed(reading.occurrences) if each.span.line <= line), None)
     for section in sections_of(reading.interface) if reading.interface else ():
         for constant in section.constants if section.name == owner else ():
             if constant.type == element:

@@ -18,7 +18,7 @@ from forge.plugins.lsp.navigation import (
     mention_at,
     occurrence_at,
     package_manifest,
-    type_at,
+    type_of,
 )
 from forge.plugins.lsp.occurrences import NameKind, Occurrence, Reading
 
@@ -36,8 +36,8 @@ def hover(index: Index, path: Path, line: int, column: int) -> str | None:
         return None
     if occurrence.kind in {NameKind.TYPEDEF, NameKind.ALIAS}:
         declared = declared_in_file(reading, occurrence)
-        return _code([reading.source.text.splitlines()[declared.line].strip()])
-    name = type_at(reading, line, column)
+        return _code([reading.source.text.splitlines()[declared.span.line].strip()])
+    name = type_of(reading, occurrence)
     return _interface(index, name) if name else _member(index, reading, occurrence)
 
 

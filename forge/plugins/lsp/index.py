@@ -113,10 +113,11 @@ class Index:
                 return self.manifests[folder / MANIFEST]
         return None
 
-    def uses(self, name: TypeName) -> list[tuple[Path, list[Occurrence]]]:
-        """Return the definitions that refer to a message, with the locations of the references."""
+    def uses(self, name: TypeName) -> Iterator[tuple[Path, Occurrence]]:
+        """Yield the references to a message in definitions of the workspace."""
         # Many paths are slow to compare.
-        return sorted(self._uses.get(name, {}).items(), key=lambda use: str(use[0]))
+        for path, occurrences in sorted(self._uses.get(name, {}).items(), key=lambda use: str(use[0])):
+            yield from ((path, each) for each in occurrences)
 
     def same_outputs(self, name: TypeName) -> Mapping[Path, TypeName]:
         """Return the definitions of the workspace whose generated files conflict with those of a type."""

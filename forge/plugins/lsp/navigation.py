@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 from forge.base.distributions import EMBEDDED
@@ -12,7 +11,7 @@ from forge.plugins.lsp.manifests import MANIFEST, PackageMention
 from forge.plugins.lsp.occurrences import NameKind, Occurrence, Reading
 from forge.plugins.lsp.text import Place, Span
 
-IN_FILE = frozenset({NameKind.FIELD, NameKind.CONSTANT, NameKind.TYPEDEF, NameKind.ALIAS})
+_IN_FILE = frozenset({NameKind.FIELD, NameKind.CONSTANT, NameKind.TYPEDEF, NameKind.ALIAS})
 """The kinds of names that are local to their file."""
 
 _START = Span(0, 0, 0)
@@ -20,8 +19,7 @@ _START = Span(0, 0, 0)
 
 def occurrence_at(reading: Reading, line: int, column: int) -> Occurrence | None:
     """Return the name in a definition under a cursor, or None."""
-    at_cursor = (each for each in reading.occurrences if each.line == line)
-    return next((each for each in at_cursor if each.start <= column <= each.end), None)
+    return next((each for each in reading.occurrences if each.span.contains(line, column)), None)
 
 
 def mention_at(index: Index, path: Path, line: int, column: int) -> PackageMention | None:
@@ -31,11 +29,9 @@ def mention_at(index: Index, path: Path, line: int, column: int) -> PackageMenti
     return next((each for each in mentions if each.span.contains(line, column)), None)
 
 
-def type_at(reading: Reading, line: int, column: int) -> TypeName | None:
-    occurrence = occurrence_at(reading, line, column)
-    if occurrence is None or occurrence.kind in IN_FILE:
-        return None
-    return occurrence.type or reading.name
+def type_of(reading: Reading, occurrence: Occurrence) -> TypeName | None:
+    """Return the interface that an occurrence names, None for names that are local to their file."""
+    return None if occurrence.kind in _IN_FILE else occurrence.type or reading.name
 
 
 def declared_in_file(reading: Reading, occurrence: Occurrence) -> Occurrence:
@@ -58,8 +54,8 @@ def definition(index: Index, path: Path, line: int, column: int) -> Place | None
     occurrence = occurrence_at(reading, line, column) if reading else None
     if reading is None or occurrence is None:
         return None
-    name = type_at(reading, line, column)
-    return _type_place(index, name) if name else Place(path, _span(declared_in_file(reading, occurrence)))
+    name = type_of(reading, occurrence)
+    return _type_place(index, name) if name else Place(path, declared_in_file(reading, occurrence).span)
 
 
 def references(index: Index, path: Path, line: int, column: int, *, declaration: bool) -> list[Place]:
@@ -80,24 +76,17 @@ def references(index: Index, path: Path, line: int, column: int, *, declaration:
     occurrence = occurrence_at(reading, line, column)
     if occurrence is None and path.suffix == ".idl":
         return []
-    if occurrence and occurrence.kind in IN_FILE:
+    if occurrence and occurrence.kind in _IN_FILE:
         in_file = declared_in_file(reading, occurrence)
         occurrences = [in_file] if declaration else []
         if in_file.kind is NameKind.TYPEDEF:
             aliases = (each for each in reading.occurrences if each.kind is NameKind.ALIAS)
             occurrences += [each for each in aliases if each.name == in_file.name]
-        return [Place(path, _span(each)) for each in occurrences]
+        return [Place(path, each.span) for each in occurrences]
     name = (occurrence.type if occurrence else None) or reading.name
     declared = _type_place(index, name) if declaration else None
-    places = (Place(user, _span(use)) for user, use in uses(index, name))
+    places = (Place(user, use.span) for user, use in index.uses(name))
     return [*([declared] if declared else []), *places]
-
-
-def uses(index: Index, name: TypeName) -> Iterator[tuple[Path, Occurrence]]:
-    """Yield the places in definitions of the workspace that name a message, without its declaration."""
-    for user, occurrences in index.uses(name):
-        for each in occurrences:
-            yield user, each
 
 
 def package_manifest(index: Index, name: str) -> Path | None:
@@ -115,8 +104,4 @@ def _type_place(index: Index, name: TypeName) -> Place | None:
         return None
     reading = index.readings.get(parsed.source.path)
     structs = [each for each in reading.occurrences if each.kind is NameKind.INTERFACE] if reading else []
-    return Place(parsed.source.path, _span(structs[0]) if structs else _START)
-
-
-def _span(occurrence: Occurrence) -> Span:
-    return Span(occurrence.line, occurrence.start, occurrence.end)
+    return Place(parsed.source.path, structs[0].span if structs else _START)

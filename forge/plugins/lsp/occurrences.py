@@ -17,6 +17,7 @@ from forge.interfaces.model import Interface, Named, Source, TypeName, element_o
 from forge.interfaces.read.declarations import read_declaration
 from forge.interfaces.read.literals import ParseError
 from forge.interfaces.read.parsing import SECTIONS, lines_of, parse_leniently, split_sections, type_name
+from forge.plugins.lsp.text import Span
 
 _INCLUDE = re.compile(r'["<](\w+)/(\w+)/(\w+)\.idl[">]')
 _TYPE = re.compile(r"[\w/]*")
@@ -42,24 +43,18 @@ class NameKind(Enum):
 
 @frozen
 class Occurrence:
-    """A name in a line of a definition, from column `start` up to `end`.
-
-    `owner` is the message that contains it; `type` the message that a reference names. `stem` is the column
-    at which the name of a reference starts, after its package.
-    """
+    """A name in a definition; `owner` is the message around it, `type` the one that a reference names."""
 
     kind: NameKind
-    line: int
-    start: int
-    end: int
+    span: Span
     name: str
     owner: TypeName
     type: TypeName | None = None
 
     @property
-    def stem(self) -> int:
-        """The column at which the name starts, after its package."""
-        return self.end - len(self.name)
+    def stem(self) -> Span:
+        """The name without its package."""
+        return replace(self.span, start=self.span.end - len(self.name))
 
 
 @frozen
@@ -109,10 +104,11 @@ def _in_lines(source: Source) -> Iterator[Occurrence]:
             element = element_of(declaration.type)
             if isinstance(element, Named):
                 stop = _TYPE.match(code).end()  # type: ignore[union-attr]  # matches nothing as well
-                yield Occurrence(NameKind.REFERENCE, number, 0, stop, element.name.name, owner, element.name)
+                span = Span(number, 0, stop)
+                yield Occurrence(NameKind.REFERENCE, span, element.name.name, owner, element.name)
             kind = NameKind.CONSTANT if declaration.constant else NameKind.FIELD
-            end = start + len(declaration.name)
-            yield Occurrence(kind, number, start, end, declaration.name, owner)
+            span = Span(number, start, start + len(declaration.name))
+            yield Occurrence(kind, span, declaration.name, owner)
 
 
 def _in_idl(reader: FileReader, interface: Interface | None) -> Iterator[Occurrence]:
@@ -130,8 +126,9 @@ def _in_idl(reader: FileReader, interface: Interface | None) -> Iterator[Occurre
     for first, last, name in reader.references:
         occurrence = _at(reader.place(last.start_pos or 0), NameKind.REFERENCE, name.name, main, name)
         start = reader.place(first.start_pos or 0)
-        same_line = start.line == occurrence.line + 1
-        yield replace(occurrence, start=(start.column or 1) - 1) if same_line else occurrence
+        if start.line == occurrence.span.line + 1:
+            occurrence = replace(occurrence, span=replace(occurrence.span, start=(start.column or 1) - 1))
+        yield occurrence
     for kind, words in ((NameKind.TYPEDEF, reader.typedefs), (NameKind.ALIAS, reader.aliases)):
         for word in words:
             yield _at(reader.place(word.start_pos or 0), kind, str(word), main)
@@ -144,4 +141,4 @@ def _at(
     place: Location, kind: NameKind, name: str, owner: TypeName, type_: TypeName | None = None
 ) -> Occurrence:
     start = (place.column or 1) - 1
-    return Occurrence(kind, (place.line or 1) - 1, start, start + len(name), name, owner, type_)
+    return Occurrence(kind, Span((place.line or 1) - 1, start, start + len(name)), name, owner, type_)

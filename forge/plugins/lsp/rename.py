@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from forge.base.errors import InterfaceError, Problem
@@ -14,7 +15,7 @@ from forge.interfaces.read.declarations import read_declaration
 from forge.interfaces.read.literals import ParseError
 from forge.interfaces.resolve.resolution import same_output
 from forge.plugins.lsp.index import Index
-from forge.plugins.lsp.navigation import occurrence_at, uses
+from forge.plugins.lsp.navigation import occurrence_at, type_of
 from forge.plugins.lsp.occurrences import NameKind, Occurrence, Reading
 from forge.plugins.lsp.text import Edit, Span
 
@@ -54,13 +55,16 @@ def renamable(index: Index, path: Path, line: int, column: int) -> Renamable | N
     if occurrence and occurrence.kind in {NameKind.TYPEDEF, NameKind.ALIAS}:
         return None
     if occurrence:
-        name = _type_of(reading, occurrence)
+        name = type_of(reading, occurrence)
         if name is None:
-            return Renamable(Span(line, occurrence.start, occurrence.end), occurrence.name)
-        file = _declaration(index, name).source.path
-        return Renamable(Span(line, occurrence.stem, occurrence.end), name.name, file)
+            return Renamable(occurrence.span, occurrence.name)
+        return Renamable(occurrence.stem, name.name, _declaration(index, name).source.path)
     lines = reading.source.text.splitlines()
-    if path.suffix == ".idl" or line >= len(lines) or any(each.line == line for each in reading.occurrences):
+    if (
+        path.suffix == ".idl"
+        or line >= len(lines)
+        or any(each.span.line == line for each in reading.occurrences)
+    ):
         return None
     return Renamable(Span(line, 0, len(lines[line])), reading.name.name, path)
 
@@ -71,7 +75,7 @@ def rename(index: Index, path: Path, line: int, column: int, new: str) -> Renami
     if reading is None or renamable(index, path, line, column) is None:
         raise InterfaceError(Problem("there is no name of a type, field or constant here"))
     occurrence = occurrence_at(reading, line, column)
-    name = _type_of(reading, occurrence) if occurrence else reading.name
+    name = type_of(reading, occurrence) if occurrence else reading.name
     if name is None and occurrence:
         return _member(reading, occurrence, new)
     return _type(index, name or reading.name, new)
@@ -86,13 +90,6 @@ def _declaration(index: Index, name: TypeName) -> Reading:
     return declared
 
 
-def _type_of(reading: Reading, occurrence: Occurrence) -> TypeName | None:
-    """Return the interface that an occurrence names, None for a field or constant."""
-    if occurrence.kind in {NameKind.FIELD, NameKind.CONSTANT}:
-        return None
-    return occurrence.type or reading.name
-
-
 def _member(reading: Reading, occurrence: Occurrence, new: str) -> Renaming:
     constant = occurrence.kind is NameKind.CONSTANT
     try:
@@ -102,8 +99,7 @@ def _member(reading: Reading, occurrence: Occurrence, new: str) -> Renaming:
     others = (each for each in reading.occurrences if each.owner == occurrence.owner and each != occurrence)
     if any(each.name == new and each.kind is occurrence.kind for each in others):
         raise InterfaceError(Problem(f"'{new}' is already declared in '{occurrence.owner}'"))
-    span = Span(occurrence.line, occurrence.start, occurrence.end)
-    return Renaming((Edit(reading.source.path, span, new),))
+    return Renaming((Edit(reading.source.path, occurrence.span, new),))
 
 
 def _type(index: Index, old: TypeName, new: str) -> Renaming:
@@ -119,7 +115,7 @@ def _type(index: Index, old: TypeName, new: str) -> Renaming:
             raise InterfaceError(same_output(wanted, other, file))
     in_cmake = tuple(_in_cmake(index, declared, old.name, new))
     edits = [
-        *(Edit(user, Span(use.line, use.stem, use.end), new) for user, use in uses(index, old)),
+        *(Edit(user, use.stem, new) for user, use in index.uses(old)),
         *_in_own_file(declared, old.name, new),
         *in_cmake,
     ]
@@ -131,7 +127,8 @@ def _in_own_file(reading: Reading, old: str, new: str) -> Iterator[Edit]:
     """Yield the names of the structs of an .idl file, such as X, X_Request and X_Constants."""
     for each in reading.occurrences:
         if each.kind is NameKind.INTERFACE and each.name.partition("_")[0] == old:
-            yield Edit(reading.source.path, Span(each.line, each.start, each.start + len(old)), new)
+            span = replace(each.span, end=each.span.start + len(old))
+            yield Edit(reading.source.path, span, new)
 
 
 def _in_cmake(index: Index, reading: Reading, old: str, new: str) -> Iterator[Edit]:
