@@ -9,10 +9,8 @@ from itertools import pairwise
 from math import sqrt
 from typing import Any
 
-import networkx as nx
-
 from forge.base.text import duration
-from forge.plugins.charts.graph_formats import PackageGraph, printable
+from forge.plugins.charts.graph_formats import PackageGraph, longest_chain, printable
 from forge.plugins.charts.layering import lay_out
 from forge.workspace.model import Package
 from forge.workspace.resolve import INTERFACE_GROUP
@@ -90,12 +88,7 @@ def drawn(
 
 def critical_path(graph: Mapping[str, Sequence[str]], times: Mapping[str, float]) -> tuple[str, ...]:
     """Return the chain of dependent nodes that takes longest to build, () if it has only one."""
-    chart: nx.DiGraph[str] = nx.DiGraph()
-    for node, needs in graph.items():
-        # The weight of an edge is that of the node it leads to; "" precedes nodes without dependencies.
-        seconds = times.get(node, 0.0)
-        chart.add_edges_from(((need, node) for need in ("", *needs)), seconds=seconds)
-    path = tuple(node for node in nx.dag_longest_path(chart, "seconds") if node) if times else ()
+    path = longest_chain(graph, times) if times else ()
     return path if len(path) > 1 else ()
 
 

@@ -7,6 +7,8 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
 from pathlib import Path
 
+import networkx as nx
+
 from forge.base.frozen import frozen
 from forge.base.graph import closures, reduced
 from forge.base.templating import render
@@ -102,6 +104,15 @@ def reduced_among(
     """
     below = closures(needs, ordered)
     return reduced(below, [node for node in below if node in nodes])
+
+
+def longest_chain(needs: Mapping[str, Iterable[str]], seconds: Mapping[str, float]) -> tuple[str, ...]:
+    """Return the chain of dependent nodes with the longest total duration."""
+    graph: nx.DiGraph[str] = nx.DiGraph()
+    for node, own in needs.items():
+        # The weight of an edge is that of the node it leads to; "" precedes nodes without dependencies.
+        graph.add_edges_from(((need, node) for need in ("", *own)), seconds=seconds.get(node, 0.0))
+    return tuple(node for node in nx.dag_longest_path(graph, "seconds") if node)
 
 
 def printable(text: str) -> str:

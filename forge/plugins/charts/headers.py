@@ -152,8 +152,8 @@ def _recorded(folder: Path, output: str, clang: str) -> tuple[list[str], str] | 
     with contextlib.suppress(*_INVALID):
         for entry in json.loads((folder / "compile_commands.json").read_bytes()):
             words = shlex.split(entry["command"])
-            output_paths = [*_values(words, "-o")]
-            if output_paths and os.path.normpath(Path(entry["directory"], output_paths[0])) == output:
+            path = next((value for word, value in pairwise(words) if word == "-o"), None)
+            if path and os.path.normpath(Path(entry["directory"], path)) == output:
                 return [*for_clang(words, clang)], entry["directory"]
     return None
 
@@ -173,10 +173,6 @@ def for_clang(words: Sequence[str], clang: str) -> Iterator[str]:
             skipped = not skipped
         elif word not in _DEPFILES:
             yield word
-
-
-def _values(words: Sequence[str], option: str) -> Iterable[str]:
-    return (value for word, value in pairwise(words) if word == option)
 
 
 def _traced(

@@ -61,26 +61,22 @@ class LiveBuild:
         self._changed = threading.Condition()
 
     def show(self, event: Event) -> None:
-        """Note an event."""
         with self._changed:
-            self._note(event)
-
-    def _note(self, event: Event) -> None:
-        before = self._progress
-        match event:
-            case Finished(name, code, seconds):
-                self._outcomes[name] = ("failed" if code else "finished", duration(seconds))
-            case Fresh(name):
-                self._outcomes[name] = ("unchanged", "")
-            case Skipped(name, because):
-                self._outcomes[name] = ("skipped", printable(because))
-            case Aborted(name):
-                self._outcomes[name] = ("aborted", "")
-            case _:
-                pass
-        self._progress = before.after(event, time.monotonic())
-        if self._progress is not before or isinstance(event, Started):
-            self._tell()
+            before = self._progress
+            match event:
+                case Finished(name, code, seconds):
+                    self._outcomes[name] = ("failed" if code else "finished", duration(seconds))
+                case Fresh(name):
+                    self._outcomes[name] = ("unchanged", "")
+                case Skipped(name, because):
+                    self._outcomes[name] = ("skipped", printable(because))
+                case Aborted(name):
+                    self._outcomes[name] = ("aborted", "")
+                case _:
+                    pass
+            self._progress = before.after(event, time.monotonic())
+            if self._progress is not before or isinstance(event, Started):
+                self._tell()
 
     def end(self) -> None:
         """Answer all waiting requests with the last state."""

@@ -8,13 +8,11 @@ from contextlib import suppress
 from dataclasses import fields
 from typing import Any
 
-import networkx as nx
-
 from forge.base.frozen import frozen
 from forge.base.text import counted, duration
 from forge.cache.model import RESTORED
 from forge.plugins.charts.commands import Command, NinjaRun
-from forge.plugins.charts.graph_formats import printable, reduced_among
+from forge.plugins.charts.graph_formats import longest_chain, printable, reduced_among
 from forge.plugins.charts.headers import HeaderTimes
 from forge.toolchain.compiler_launchers import LauncherSummary
 
@@ -148,11 +146,8 @@ def critical_path(packages: Sequence[PackageRun]) -> tuple[PackageRun, ...]:
     take less time.
     """
     runs = {run.name: run for run in packages}
-    graph: nx.DiGraph[str] = nx.DiGraph()
-    for run in packages:
-        # The weight of an edge is that of the package it leads to; "" precedes packages without dependencies.
-        graph.add_edges_from(((need, run.name) for need in ("", *run.needs)), seconds=run.seconds)
-    return tuple(runs[name] for name in nx.dag_longest_path(graph, "seconds") if name)
+    needs = {run.name: run.needs for run in packages}
+    return tuple(runs[name] for name in longest_chain(needs, {run.name: run.seconds for run in packages}))
 
 
 def waited(run: PackageRun, runs: Mapping[str, PackageRun]) -> float:

@@ -6,12 +6,10 @@ from collections.abc import Iterator, Mapping
 from itertools import zip_longest
 from typing import Any
 
-import networkx as nx
-
 from forge.base.frozen import frozen
 from forge.base.text import counted, duration
 from forge.plugins.charts.commands import COMPILE, CONFIGURE, GENERATE, LINK, Command
-from forge.plugins.charts.graph_formats import printable
+from forge.plugins.charts.graph_formats import longest_chain, printable
 from forge.plugins.charts.headers import HeaderTimes
 from forge.plugins.charts.timings import Build, PackageRun, kind_of, waited
 
@@ -70,12 +68,13 @@ def bounds(build: Build) -> Bounds | None:
     """Return the bounds of a successful build, None if nothing was built or the machine is unknown."""
     if not build.packages or build.use is None or build.code:
         return None
-    chart: nx.DiGraph[str] = nx.DiGraph()
-    for run in build.packages:
-        least = run.seconds - sum(ninja_run.seconds - ninja_run.least for ninja_run in run.ninja)
-        chart.add_edges_from(((need, run.name) for need in ("", *run.needs)), seconds=max(0.0, least))
+    least = {
+        run.name: max(0.0, run.seconds - sum(each.seconds - each.least for each in run.ninja))
+        for run in build.packages
+    }
+    chain = longest_chain({run.name: run.needs for run in build.packages}, least)
     work = sum(sum(phases(run).values()) for run in build.packages)
-    return Bounds(work, nx.dag_longest_path_length(chart, "seconds"), build.use.jobs)
+    return Bounds(work, sum(least[name] for name in chain), build.use.jobs)
 
 
 def work(build: Build) -> dict[str, Any]:

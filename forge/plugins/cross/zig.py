@@ -25,7 +25,6 @@ from forge.plugins.cross.targets import Target
 from forge.toolchain.programs import find_program
 from forge.toolchain.resources import processors
 
-_TOOLS = {"cc": "cc", "c++": "c++", "ar": "ar", "ranlib": "ranlib"}
 _COMPILERS = frozenset({"cc", "c++"})
 _VARIABLES = {"CC": "cc", "CXX": "c++", "AR": "ar", "RANLIB": "ranlib"}
 
@@ -60,7 +59,7 @@ class Zig:
 
     def write_compilers(self, folder: Path) -> None:
         """Write a script for each program that build tools call by a path."""
-        for name, tool in _TOOLS.items():
+        for tool in _VARIABLES.values():
             flags = self.flags if tool in _COMPILERS else ()
             text = render(
                 "cross/templates/compiler.sh.j2",
@@ -71,10 +70,10 @@ class Zig:
                 flags=[shlex.quote(flag) for flag in flags],
                 library=shlex.quote(str(self.library)) if tool == "c++" else "",
             )
-            write_if_changed(folder / name, text, mode=0o755)
+            write_if_changed(folder / tool, text, mode=0o755)
 
     def compilers(self, folder: Path) -> dict[str, str]:
-        return {variable: str(folder / name) for variable, name in _VARIABLES.items()}
+        return {variable: str(folder / tool) for variable, tool in _VARIABLES.items()}
 
     @property
     def library(self) -> Path:
@@ -84,7 +83,7 @@ class Zig:
 
     def glibc_warnings(self) -> tuple[Problem, ...]:
         """Return zig's message about an unsupported version of glibc, which build tools hide."""
-        if self.target.with_glibc == self.target.triple:
+        if not self.target.glibc:
             return ()
         argv = (str(self.program), "cc", *self.flags, "-x", "c", "-", "-o", os.devnull)
         environment = {**os.environ, "ZIG_GLOBAL_CACHE_DIR": str(self.cache)}

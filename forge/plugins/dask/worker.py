@@ -17,7 +17,6 @@ import uuid
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from forge.base.frozen import frozen
 from forge.execution.jobserver import TOKEN, TokenPool, common_style, create_pool, supported_styles
 from forge.plugins.dask.messages import ACK_INTERVAL, INTERRUPT, TaskRequest
 from forge.plugins.dask.step_runner import LENGTH, with_length
@@ -137,13 +136,13 @@ async def _interrupt_when_unwanted(attempt: Attempt) -> None:
 async def _run(attempt: Attempt, remote_task: RemoteTask, worker: Worker) -> None:
     jobs = _jobs.setdefault(attempt.topic, WorkerJobs(remote_task.jobs.jobs, worker.state.nthreads))
     styles = await asyncio.to_thread(jobs.prepare, remote_task.environment)
-    with jobs.slot() as pool:
-        argv = own_command("-m", "forge.plugins.dask.step_runner", *pool.arguments, *styles)
+    with jobs.slot() as (number, auth, descriptors):
+        argv = own_command("-m", "forge.plugins.dask.step_runner", number, auth, *styles)
         process = await asyncio.create_subprocess_exec(
             *argv,
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
-            pass_fds=pool.descriptors,
+            pass_fds=descriptors,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
             start_new_session=True,
         )
@@ -179,14 +178,6 @@ async def _forward_messages(attempt: Attempt, process: asyncio.subprocess.Proces
             attempt.send(message)
 
 
-@frozen
-class JobSettings:
-    """The job settings of a step runner: arguments, and descriptors that it inherits."""
-
-    arguments: tuple[str, str]
-    descriptors: tuple[int, ...] = ()
-
-
 class WorkerJobs:
     """The token pool of a worker: each slot has an implicit job, and the remaining tokens are in the pool.
 
@@ -216,10 +207,10 @@ class WorkerJobs:
             return self._styles
 
     @contextlib.contextmanager
-    def slot(self) -> Iterator[JobSettings]:
-        """Occupy a slot for a step runner."""
+    def slot(self) -> Iterator[tuple[str, str, tuple[int, ...]]]:
+        """Occupy a slot for a step runner; yield its number of jobs, the jobserver and its descriptors."""
         if self._pool is None:
-            yield JobSettings((str(max(1, self._jobs // self._slots)), ""))
+            yield str(max(1, self._jobs // self._slots)), "", ()
             return
         if not self._active:
             # Restore tokens lost by killed tools, while no task runs.
@@ -228,6 +219,6 @@ class WorkerJobs:
             self._pool.give(TOKEN * (self._jobs - self._slots))
         self._active += 1
         try:
-            yield JobSettings((str(self._jobs), self._pool.auth), self._pool.descriptors)
+            yield str(self._jobs), self._pool.auth, self._pool.descriptors
         finally:
             self._active -= 1

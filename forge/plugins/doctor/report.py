@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from forge.base.colours import Meaning, Palette
-from forge.base.errors import Location, Problem, Severity, joined
+from forge.base.errors import Problem, Severity, joined
 from forge.base.text import counted
 from forge.plugins.doctor.model import CheckResult
 
@@ -38,7 +38,17 @@ def plain(results: Sequence[CheckResult]) -> dict[str, object]:
     return {
         **{f"{word}s": sum(severity == word for severity, _, _ in findings) for word in _SEVERITIES},
         "checked": [{"topic": result.topic, "summary": result.summary} for result in results],
-        "findings": [_plain(severity, topic, problem) for severity, topic, problem in findings],
+        "findings": [
+            {
+                "severity": severity,
+                "topic": topic,
+                "message": problem.message,
+                "file": str(problem.location.path) if problem.location else None,
+                "line": problem.location.line if problem.location else None,
+                "hint": problem.hint,
+            }
+            for severity, topic, problem in findings
+        ],
     }
 
 
@@ -58,15 +68,3 @@ def conclusion(results: Sequence[CheckResult], *, everything: bool) -> str:
     else:
         text = "no problems found"
     return text if everything or not notes else f"{text} ({counted(notes, 'more note')} with --all)"
-
-
-def _plain(severity: str, topic: str, problem: Problem) -> dict[str, object]:
-    place = problem.location or Location("")
-    return {
-        "severity": severity,
-        "topic": topic,
-        "message": problem.message,
-        "file": str(place.path) or None,
-        "line": place.line,
-        "hint": problem.hint,
-    }

@@ -181,7 +181,8 @@ def _fetch(options: Options, root: Path, cache: Path) -> int:
         raise WorkspaceError(Problem(f"'{LOCK_FILE}' is out of date", hint=hint))
     if packages or problems:
         lock = _download(options, lock, cache, problems)
-    sources = list(_sources(source_folder(cache, each) for each in packages))
+    manifests = [source_folder(cache, each) / "package.xml" for each in packages]
+    sources = [Package(path.parent, parse_manifest(read_file(path), path, os.environ)) for path in manifests]
     if before is None or lock.keys != before.keys:
         lock = replace(lock, pip=_pip_names([*sources, *projects], lock))
         ros, python = _requirements(needs, lock, declared, surroundings)
@@ -387,13 +388,9 @@ def _deps(packages: Sequence[Package], lock: Lock, *words: str) -> str:
     """Return the output of `forge deps` for the lock's keys, which is '' if it fails."""
     declared = {name for each in packages for name in each.manifest.names(BUILD_KINDS | RUN_KINDS)}
     skipped = (declared - set(lock.keys)) | REQUIREMENTS.keys() | dict(lock.pip).keys()
+    folders = (str(Path.cwd() / each.path) for each in packages)
     argv = own_command("deps", *words, "--no-test-dependencies", "--rosdistro", lock.distribution)
-    argv += (
-        "--skip-keys",
-        *sorted(skipped),
-        "--base-paths",
-        *(str(Path.cwd() / each.path) for each in packages),
-    )
+    argv += ("--skip-keys", *sorted(skipped), "--base-paths", *folders)
     with tempfile.TemporaryDirectory() as folder:  # a folder without forge.toml
         return subprocess.run(argv, cwd=folder, capture_output=True, text=True, check=False).stdout
 
@@ -467,12 +464,6 @@ def _download(options: Options, lock: Lock, cache: Path, problems: list[Problem]
     print_warnings(warnings)
     raise_if_any(problems, HostError)
     return replace(lock, clones=clones)
-
-
-def _sources(folders: Iterable[Path]) -> Iterator[Package]:
-    for folder in folders:
-        path = folder / "package.xml"
-        yield Package(folder, parse_manifest(read_file(path), path, os.environ))
 
 
 def _system_packages(sources: Sequence[Package], lock: Lock) -> Iterator[str]:

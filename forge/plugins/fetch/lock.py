@@ -128,25 +128,26 @@ def read_lock(root: Path) -> Lock | None:
     except (AttributeError, KeyError, TypeError) as error:
         message = f"malformed lock: {error.args[0] if error.args else error}"
         raise WorkspaceError(Problem(message, Location(path), hint)) from None
+    if fault := next(_faults(lock), None):
+        raise WorkspaceError(Problem(f"malformed lock: {fault}", Location(path), hint))
+    return lock
+
+
+def _faults(lock: Lock) -> Iterator[str]:
     for commit in (*(each.commit for each in lock.packages), *(each.commit for each in lock.clones)):
         if not _COMMIT.fullmatch(commit):
-            message = f"malformed lock: '{commit}' is not a commit"
-            raise WorkspaceError(Problem(message, Location(path), hint))
+            yield f"'{commit}' is not a commit"
     for module in lock.modules:
         # Lines of a requirements.txt, which also has options.
         words = (module.name, module.version, *module.hashes)
         if not all(isinstance(word, str) and _MODULE_WORD.fullmatch(word) for word in words):
-            message = f"malformed lock: invalid version or hash of '{module.name}'"
-            raise WorkspaceError(Problem(message, Location(path), hint))
+            yield f"invalid version or hash of '{module.name}'"
     for each in lock.packages:
         # Both are names of folders in the cache.
         if not (is_package_name(each.name) and is_safe_name(each.version)):
-            message = f"malformed lock: invalid name or version: '{each.name}', '{each.version}'"
-            raise WorkspaceError(Problem(message, Location(path), hint))
+            yield f"invalid name or version: '{each.name}', '{each.version}'"
         if each.path and not is_safe_relative_path(each.path):
-            message = f"malformed lock: invalid path of '{each.name}': '{each.path}'"
-            raise WorkspaceError(Problem(message, Location(path), hint))
-    return lock
+            yield f"invalid path of '{each.name}': '{each.path}'"
 
 
 def write_lock(root: Path, lock: Lock) -> bool:
@@ -178,7 +179,7 @@ def lock_text(lock: Lock) -> str:
 
 
 def _rows(values: Iterable[str]) -> str:
-    return "".join(f"  {_quoted(value)},\n" for value in sorted(values))
+    return "".join(f"  {json.dumps(value, ensure_ascii=False)},\n" for value in sorted(values))
 
 
 def _tables(name: str, entries: Iterable[Mapping[str, object]]) -> Iterator[str]:
@@ -196,8 +197,3 @@ def _lines(fields: Mapping[str, Any]) -> Iterator[str]:
         if key == "hashes":
             text = f"[\n{_rows(value)}]"
         yield f"{key} = {text}\n"
-
-
-def _quoted(text: str) -> str:
-    """Return a basic string of TOML; JSON's strings are valid ones."""
-    return json.dumps(text, ensure_ascii=False)

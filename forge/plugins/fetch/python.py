@@ -68,6 +68,8 @@ _STAMP = "forge-modules.txt"
 _CREATING = "# forge makes this environment\n"
 _MADE = "# forge made this environment\n"
 _INSTALLING = "# forge installs modules\n"
+_Versions = dict[str, tuple[str, tuple[str, ...]]]
+"""Version and hashes by name."""
 _NETWORK_HINT = "check the network, and the settings of pip or uv"
 _DRAWN = " \u00d7│╰├─▶"
 _PINNED = re.compile(r"^([A-Za-z0-9._-]+)==(\S+)")
@@ -263,11 +265,7 @@ def install_modules(folder: Path, modules: Sequence[Module], cache: Path, *, off
     if _has_modules(folder, modules):
         return
     python, text = folder / "bin/python3", requirements_text(modules)
-    print(
-        f"installing {counted(len(modules), 'Python module')} in '{folder}'",
-        file=sys.stderr,
-        flush=True,
-    )
+    print(f"installing {counted(len(modules), 'Python module')} in '{folder}'", file=sys.stderr, flush=True)
     if text_or_nothing(folder / _STAMP) == _INSTALLING:
         _remove_remains(folder, {each.name for each in modules})
     names = {each.name for each in modules}
@@ -302,7 +300,7 @@ def _remove_remains(folder: Path, names: Collection[str]) -> None:
 
 def _has_modules(folder: Path, modules: Sequence[Module]) -> bool:
     """Return whether an environment has these modules, perhaps among those that other workspaces need."""
-    return {*requirements_text(modules).splitlines()} <= {*_installed(folder)} if modules else False
+    return bool(modules) and {*requirements_text(modules).splitlines()} <= {*_installed(folder)}
 
 
 def _installed(folder: Path) -> tuple[str, ...]:
@@ -359,10 +357,8 @@ class _Installer:
             # uv creates environments without pip.
             ask_python(python, _ENSURE_PIP)
 
-    def resolve(
-        self, requirements: Collection[str], pinned: Sequence[Module]
-    ) -> dict[str, tuple[str, tuple[str, ...]]]:
-        """Return version and hashes by name, of the requirements and their dependencies."""
+    def resolve(self, requirements: Collection[str], pinned: Sequence[Module]) -> _Versions:
+        """Return the versions of the requirements and their dependencies."""
         if not requirements:
             return {}
         with tempfile.TemporaryDirectory() as folder:
@@ -400,24 +396,20 @@ class _Installer:
         hint = "run 'forge fetch' with network access" if self._offline else _NETWORK_HINT
         return _run(command, f"{verb} Python modules for", self._python, hint)
 
-    def _resolve_by_uv(
-        self, wanted: Path, constraints: Path, _pinned: Sequence[Module]
-    ) -> dict[str, tuple[str, tuple[str, ...]]]:
+    def _resolve_by_uv(self, wanted: Path, constraints: Path, _pinned: Sequence[Module]) -> _Versions:
         from packaging.utils import canonicalize_name
 
         words = [str(self._uv), "pip", "compile", str(wanted), "--constraint", str(constraints)]
         words += ["--python", self._python, "--generate-hashes", "--no-header", "--no-annotate", "--quiet"]
         words += ["--offline"] if self._offline else []
         output = self._run(words, "find")
-        modules: dict[str, tuple[str, tuple[str, ...]]] = {}
+        modules: _Versions = {}
         for entry in output.replace("\\\n", " ").splitlines():
             if match := _PINNED.match(entry):
                 modules[canonicalize_name(match[1])] = match[2], tuple(sorted(set(_HASH.findall(entry))))
         return modules
 
-    def _resolve_by_pip(
-        self, wanted: Path, constraints: Path, pinned: Sequence[Module]
-    ) -> dict[str, tuple[str, tuple[str, ...]]]:
+    def _resolve_by_pip(self, wanted: Path, constraints: Path, pinned: Sequence[Module]) -> _Versions:
         """Download the files for this machine, and get the hashes of other files from the index."""
         self._files.mkdir(parents=True, exist_ok=True)
         pinned_hashes = {(each.name, each.version): each.hashes for each in pinned}

@@ -134,7 +134,8 @@ def place_package(tree: Path, package: LockedPackage, cache: Path) -> None:
     folder = source_folder(cache, package)
     with _new_folder(folder) as draft:
         _copy_tree(tree / package.path, draft)
-        _make_read_only(draft)
+        for file in _files(draft):
+            file.chmod(file.stat().st_mode & ~0o222)
         write_record(folder, draft)
 
 
@@ -234,23 +235,18 @@ def in_parallel(
         pool.shutdown(cancel_futures=True)  # after Ctrl-C, or with a full disk
 
 
-class _new_folder:
-    """A context that yields a draft and renames it at the end; after an error, the draft is removed."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def __enter__(self) -> Path:
-        self._path.parent.mkdir(parents=True, exist_ok=True)
-        self._draft = Path(tempfile.mkdtemp(DRAFT, f".{self._path.name}.", self._path.parent))
-        return self._draft
-
-    def __exit__(self, kind: object, *_: object) -> None:
-        if kind is None:
-            with suppress(OSError):  # another process was faster
-                self._draft.rename(self._path)
-        if self._draft.exists():
-            delete_tree(self._draft)
+@contextmanager
+def _new_folder(path: Path) -> Iterator[Path]:
+    """Yield a draft and rename it at the end; after an error, the draft is removed."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = Path(tempfile.mkdtemp(DRAFT, f".{path.name}.", path.parent))
+    try:
+        yield draft
+        with suppress(OSError):  # another process was faster
+            draft.rename(path)
+    finally:
+        if draft.exists():
+            delete_tree(draft)
 
 
 def copy_sources(packages: Iterable[LockedPackage], cache: Path, folder: Path) -> None:
@@ -262,10 +258,8 @@ def copy_sources(packages: Iterable[LockedPackage], cache: Path, folder: Path) -
     for path, source in copies.items():
         with _new_folder(path) as draft:
             _copy_tree(source, draft)
-            for place, _, names in os.walk(draft):
-                for file in (Path(place, name) for name in names):
-                    if not file.is_symlink():
-                        file.chmod(file.stat().st_mode | 0o200)
+            for file in _files(draft):
+                file.chmod(file.stat().st_mode | 0o200)
 
 
 def _copy_tree(source: Path, target: Path) -> None:
@@ -280,8 +274,7 @@ def _copy_tree(source: Path, target: Path) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), path) from None
 
 
-def _make_read_only(folder: Path) -> None:
+def _files(folder: Path) -> Iterator[Path]:
+    """Yield the files below a folder, without links."""
     for place, _, names in os.walk(folder):
-        for path in (Path(place, name) for name in names):
-            if not path.is_symlink():
-                path.chmod(path.stat().st_mode & ~0o222)
+        yield from (path for name in names if not (path := Path(place, name)).is_symlink())

@@ -91,7 +91,11 @@ def build(
         return ()
     if foreign:
         others = _outer_needs(lock, cache, variables)
-        for path in [each for each in foreign if others.isdisjoint(_names_in(each))]:
+        for path in [
+            each
+            for each in foreign
+            if others.isdisjoint(package.name for package in installed_packages(each))
+        ]:
             # An unrelated workspace sourced in this shell must not lead to a different underlay.
             foreign.remove(path)
             variables = without_own(variables, Layout(path, path, None))
@@ -214,10 +218,6 @@ def _outer_needs(lock: Lock, cache: Path, variables: Mapping[str, str]) -> set[s
     with suppress(OSError):
         replace_file(cache / _NEEDS, json.dumps({**dict(latest), key: sorted(needs)}).encode())
     return needs
-
-
-def _names_in(root: Path) -> set[str]:
-    return {each.name for each in installed_packages(root)}
 
 
 def _download(lock: Lock, cache: Path) -> None:

@@ -41,7 +41,7 @@ def test_slots_share_the_remaining_jobs() -> None:
     for _ in range(2):
         with jobs.slot() as one, jobs.slot() as two:
             assert one == two
-            number, auth = one.arguments
+            number, auth, _ = one
             assert number == "5"
             reader = os.open(auth.removeprefix("fifo:"), os.O_RDONLY) if auth.startswith("fifo:") else None
             if reader is not None:
@@ -57,8 +57,8 @@ def test_jobs_are_split_between_slots_without_a_jobserver(tmp_path: Path) -> Non
     tool.chmod(0o755)
     assert jobs.prepare({"PATH": "", "NINJA": str(tool)}) in {(), ("make",)}
     if not jobs.prepare({}):
-        with jobs.slot() as settings:
-            assert settings.arguments == ("2", "")
+        with jobs.slot() as slot:
+            assert slot == ("2", "", ())
 
 
 class RunningSteps:
