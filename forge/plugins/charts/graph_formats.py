@@ -7,8 +7,6 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
 from pathlib import Path
 
-import networkx as nx
-
 from forge.base.frozen import frozen
 from forge.base.graph import closures, reduced
 from forge.base.templating import render
@@ -108,6 +106,8 @@ def reduced_among(
 
 def longest_chain(needs: Mapping[str, Iterable[str]], seconds: Mapping[str, float]) -> tuple[str, ...]:
     """Return the chain of dependent nodes with the longest total duration."""
+    import networkx as nx  # slow, and not needed for the matrix
+
     graph: nx.DiGraph[str] = nx.DiGraph()
     for node, own in needs.items():
         # The weight of an edge is that of the node it leads to; "" precedes nodes without dependencies.
