@@ -191,21 +191,23 @@ def replace_file(path: Path, content: bytes, *, mode: int | None = None) -> None
     Creates folders as needed. A symbolic link at `path` is replaced, not followed. Raises OSError as the
     system does.
     """
-    temporary = path.with_name(f".{path.name}.{os.urandom(4).hex()}{DRAFT}")
+    folder, name = os.path.split(path)
+    temporary = os.path.join(folder, f".{name}.{os.urandom(4).hex()}{DRAFT}")
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
     try:
         descriptor = os.open(temporary, flags, 0o666)
     except FileNotFoundError:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        os.makedirs(folder, exist_ok=True)
         descriptor = os.open(temporary, flags, 0o666)
     try:
         with naming(path), os.fdopen(descriptor, "wb") as stream:
             stream.write(content)
             if mode is not None:
                 os.fchmod(descriptor, mode)
-        temporary.replace(path)
+        os.replace(temporary, path)
     except BaseException:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(temporary)
         raise
 
 

@@ -52,7 +52,6 @@ def write_deferred(build: Path, deferred: DeferredBuild) -> None:
         "done": deferred.done,
     }
     path = build / SCRATCH_DIR / DEFERRED_BUILD_FILE
-    path.parent.mkdir(parents=True, exist_ok=True)
     replace_file(path, json.dumps(value).encode(errors="surrogateescape"), mode=0o600)
 
 

@@ -54,15 +54,18 @@ def install_package(
     run_dependencies: tuple[str, ...],
     python: Interpreter,
     installed: Collection[str] | None = None,
+    exchange: PrefixExchange | None = None,
 ) -> tuple[str, ...]:
     """Finish a package's prefix after its own install step: implicit files, hooks, scripts, index.
 
     `installed` are the absolute paths of the package's files; by default, `installed_files` finds them.
+    `exchange` is that of the running build.
     Returns the absolute paths of the files that forge itself installed. Raises WorkspaceError if an unowned
     file is in their place.
     """
     prefix = layout.prefix(package.name)
-    paths = installed_files(package, layout).files if installed is None else installed
+    exchange = exchange or PrefixExchange(package.name, layout)
+    paths = installed_files(package, layout, exchange).files if installed is None else installed
     skip = len(f"{prefix}/")
     files = frozenset(path[skip:] for path in paths if path.startswith(f"{prefix}/"))
     share = prefix / "share" / package.name
@@ -74,7 +77,6 @@ def install_package(
     hooks = package_hooks(package.name, files, python.site_packages, ament=is_registered)
     hook_files = (share / "hook" / f"{name}.dsv" for name in hooks)
     own = (*map(str, (*scripts_of_it, *hook_files, marker, *(implicit if is_registered else ()))),)
-    exchange = PrefixExchange(package.name, layout)
     raise_if_any(exchange.in_the_way(own), WorkspaceError)
     exchange.announce(own)
     mode = 0o666 & ~current_umask()
@@ -113,7 +115,9 @@ class InstalledFiles:
     """The files that may differ from the last build; None if all may."""
 
 
-def installed_files(package: Package, layout: Layout, earlier: Collection[str] = ()) -> InstalledFiles:
+def installed_files(
+    package: Package, layout: Layout, exchange: PrefixExchange, earlier: Collection[str] = ()
+) -> InstalledFiles:
     """Return the files that the steps of a package have just installed.
 
     These are the files in install manifests, and files and folders that its steps were observed to write. If
@@ -122,7 +126,6 @@ def installed_files(package: Package, layout: Layout, earlier: Collection[str] =
     unowned file.
     """
     name, prefix = package.name, layout.prefix(package.name)
-    exchange = PrefixExchange(name, layout)
     build = layout.build_dir(name)
     below = f"{prefix}/"
     listed = {*listed_files(build)}
@@ -220,7 +223,7 @@ def _write_implicit(package: Package, prefix: Path, installed: Collection[str], 
 
 
 def set_file_times(
-    task: Task, files: tuple[str, ...], layout: Layout, table: FileTable, *, restored: bool = False
+    exchange: PrefixExchange, files: tuple[str, ...], table: FileTable, *, restored: bool = False
 ) -> None:
     """Restore the times of unchanged installed files, and set a new time on changed ones.
 
@@ -229,8 +232,7 @@ def set_file_times(
     object. Files that were `restored` from the cache have new times.
     The package's own script gets its time last: later files were not installed by a build.
     """
-    before = PrefixExchange(task.name, layout).moved_files()
-    marker = package_markers(task.name, layout)[0]
+    before, marker = exchange.moved_files(), exchange.markers[0]
     dated = () if restored and not before else files
     for path in (*(path for path in dated if path != marker), marker):
         with contextlib.suppress(FileNotFoundError):  # listed, but removed by the package's own code
@@ -247,14 +249,18 @@ def set_file_times(
 
 
 def remove_stale(
-    task: Task, files: tuple[str, ...], layout: Layout, records: Mapping[str, BuildRecord]
+    task: Task,
+    files: tuple[str, ...],
+    layout: Layout,
+    exchange: PrefixExchange,
+    records: Mapping[str, BuildRecord],
 ) -> None:
     """Remove files that a package no longer installs, unless another package does.
 
     Those in its own prefix were moved aside before the build: any file there now was written by another
     package or is unowned.
     """
-    stale = PrefixExchange(task.name, layout).copied_files().intersection(task.earlier).difference(files)
+    stale = exchange.copied_files().intersection(task.earlier).difference(files)
     left = frozenset(path for path in stale if os.path.islink(path) or os.path.isfile(path))
     if not left:
         return

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 from forge.base.ament_index import INDEX
@@ -86,9 +86,14 @@ def write_installed_list(
             path[len(base) + 1 :]: os.readlink(path) for path in sorted(parents) if os.path.islink(path)
         },
         "unclaimed": [path[len(base) + 1 :] for path in sorted(unclaimed)],
-        "workspace": workspace and os.path.relpath(os.path.realpath(workspace), os.path.realpath(base)),
+        "workspace": workspace and _relative(workspace, base),
     }
     replace_file(list_file(name, layout), json.dumps(data).encode())
+
+
+@cache
+def _relative(workspace: str, base: str) -> str:
+    return os.path.relpath(os.path.realpath(workspace), os.path.realpath(base))
 
 
 def package_markers(name: str, layout: Layout) -> tuple[str, ...]:
@@ -121,7 +126,7 @@ def edited(path: str, name: str) -> Problem:
 
 
 def list_file(name: str, layout: Layout) -> Path:
-    return layout.install / INSTALLED_LISTS_DIR / f"{name}.json"
+    return Path(f"{layout.install}/{INSTALLED_LISTS_DIR}/{name}.json")
 
 
 def folders_above(path: str, root: str) -> tuple[str, ...]:

@@ -44,9 +44,11 @@ class InstalledStates:
             updated = dict([*older.items()][-max(_LIBRARIES, _KEPT * len(now)) :]) | now
             if updated != interfaces:
                 replace_file(folder / _INTERFACES, json.dumps(updated).encode())
-        newest_first = sorted(folder.glob("*.json"), key=lambda path: path.stat().st_mtime_ns, reverse=True)
-        for path in newest_first[_KEPT:]:
-            path.unlink(missing_ok=True)
+        states = [*folder.glob("*.json")]
+        if len(states) > _KEPT:
+            states.sort(key=lambda path: path.stat().st_mtime_ns)
+            for path in states[:-_KEPT]:
+                path.unlink(missing_ok=True)
 
     def contents(self, name: str, digest: str) -> Mapping[str, str] | None:
         """Return the installed files of a package in one of its states, None if it is unknown."""

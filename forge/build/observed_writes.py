@@ -104,8 +104,10 @@ def read_writes(log: Path, prefix: Path) -> ObservedWrites:
     )
 
 
-def begin_log(log: Path) -> None:
-    begin_library_log(log)
+def begin_log(log: Path, *, observed: bool = True) -> None:
+    """Create an empty log; unless `observed`, only for forge's own notes."""
+    if observed:
+        begin_library_log(log)
     log.with_name(f"{log.name}{NOTES}").write_bytes(b"")
 
 

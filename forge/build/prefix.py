@@ -19,7 +19,6 @@ import os
 import shutil
 import stat
 from collections import Counter
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -93,6 +92,8 @@ def tidy(layout: Layout) -> None:
 class PrefixExchange:
     """The exchange of one package's files; its state is on disk, so that a later build can continue it.
 
+    A build uses one object per package from beginning to end, which also remembers that state.
+
     In the backup folder are, for a package P: `P`, the moved files; `P.part`, the same while they are being
     moved; `P.copies`, the copies of shared files; `P.others`, the copies of unowned files; `P.state`, the
     folders before the build; `P.list`, the list of files before the build; `P.written`, the log of the writes
@@ -103,31 +104,45 @@ class PrefixExchange:
         self._name = name
         self._layout = layout
         self._prefix = str(layout.prefix(name))
-        self._markers = package_markers(name, layout)
+        self.markers = package_markers(name, layout)
+        """The files that mark the package as installed."""
+        self._log = written_log(name, layout)
         self._moved, self._part, self._state, self._list = (
             _folder(name, layout, kind) for kind in ("", "part", "state", "list")
         )
         self._copies = Copies(_folder(name, layout, "copies"))
         self._others = _others_of_merged(layout) if layout.merged else Copies(_folder(name, layout, "others"))
+        self._is_first = False
+        """Whether nothing was installed before this build."""
+        self._known_state: Mapping[str, Any] | None = None
+        self._known_entries: dict[str, list[int]] | None = None
 
-    def begin(self, earlier: Iterable[str], shared: Collection[str] = ()) -> tuple[Problem, ...]:
+    def begin(
+        self, earlier: Collection[str], shared: Collection[str] = (), *, runs_steps: bool = True
+    ) -> tuple[Problem, ...]:
         """Move the package's files aside, unless a killed build has done so.
 
         Return a problem for each unowned file that the killed build may have changed.
 
         `earlier` are the files of earlier builds in records and install manifests, as absolute paths; other
-        packages also installed the `shared` ones.
+        packages also installed the `shared` ones. Unless it `runs_steps`, forge alone is going to write.
         """
+        if not (self._layout.merged or earlier or os.path.lexists(self._prefix) or self._has_traces()):
+            self._is_first = True
+            self._note_state(())
+            self._moved.mkdir()
+            begin_log(self._log, observed=runs_steps)
+            return ()
         installed_list = read_installed_list(self._name, self._layout)
         listed = installed_list or InstalledList({})
         # After a kill, install manifests may name files that a step had not yet written.
         earlier = self.moved_files() if self._moved.is_dir() else earlier
         # Before its first build, a package owns no files.
-        markers = self._markers if installed_list or earlier or self._is_installed() else ()
+        markers = self.markers if installed_list or earlier or self._is_installed() else ()
         files = dict.fromkeys((*listed.files, *earlier, *markers))
         if markers and not installed_list:
             # colcon and earlier versions of forge wrote scripts without listing them.
-            share = self._layout.prefix(self._name) / "share" / self._name
+            share = Path(self._prefix, "share", self._name)
             scripts = (*share.glob("package.*"), *(share / "hook").glob("*"))
             files.update(dict.fromkeys(str(path) for path in scripts if path.suffix in _SCRIPTS))
         for path in listed.unclaimed:
@@ -140,20 +155,29 @@ class PrefixExchange:
         if not self._moved.is_dir():
             self._note_state((*movable, *folders))
         self._move_aside(movable, folders)
-        begin_log(written_log(self._name, self._layout))
+        begin_log(self._log, observed=runs_steps)
         if not self._layout.merged:
             # The remaining files are unowned, and a step could overwrite them.
             files_of_others, empty = foreign_entries(self._prefix)
             if files_of_others or empty:
                 self._others.make((*files_of_others, *empty), of_others=True)
+        self._known_entries = None
         self._guard_links()
         return problems
 
+    def _has_traces(self) -> bool:
+        """Return whether a list or a killed build tells of files in a prefix that does not exist."""
+        kinds = ("", ".part", ".state", ".list", ".copies", ".others", ".stage")
+        traces = (str(list_file(self._name, self._layout)), *(f"{self._moved}{kind}" for kind in kinds))
+        return any(os.path.lexists(path) for path in traces)
+
     def _is_installed(self) -> bool:
-        return os.path.lexists(self._layout.prefix(self._name) / PACKAGES / self._name)
+        return os.path.lexists(f"{self._prefix}/{PACKAGES}/{self._name}")
 
     def moved_files(self) -> dict[str, tuple[str, os.stat_result]]:
         """Return the path of the backup and its stat for each file of the last build, by its path."""
+        if self._is_first:
+            return {}
         cut = len(str(self._moved))
         backups = {
             f"{self._prefix}{path[cut:]}": (path, status) for path, status in tree_below(str(self._moved))[0]
@@ -164,24 +188,29 @@ class PrefixExchange:
 
     def copied_files(self) -> frozenset[str]:
         """Return the paths of the files of the last build that were copied instead of moved."""
-        return frozenset(path for _, path, _ in self._copies.entries())
+        return frozenset() if self._is_first else frozenset(path for _, path, _ in self._copies.entries())
 
     def others(self) -> dict[str, list[int]]:
         """Return the stats of the entries that were in the prefix before the build and belong to others."""
-        return {path: status for _, path, status in self._others.entries()}
+        if self._known_entries is None:
+            entries = () if self._is_first else self._others.entries()
+            self._known_entries = {path: status for _, path, status in entries}
+        return self._known_entries
 
     def writes(self) -> ObservedWrites:
         """Return the observed writes of the steps below the prefix."""
-        return read_writes(written_log(self._name, self._layout), Path(self._prefix))
+        return read_writes(self._log, Path(self._prefix))
 
     def in_the_way(self, paths: Iterable[str]) -> Iterator[Problem]:
         """Yield a problem for each unowned file that the package is about to replace."""
         entries, unclaimed = self._known_others()
         others = {path for path in entries if os.path.lexists(path)}
+        if not others:
+            return
         above = {parent: path for path in others for parent in folders_above(path, self._prefix)}
         base = os.path.realpath(self._layout.install)
         blocked_paths: dict[str, str] = {}
-        for path in sorted(paths) if others else ():
+        for path in sorted(paths):
             blocking = next(
                 (other for other in (path, *folders_above(path, self._prefix)) if other in others), None
             )
@@ -197,8 +226,7 @@ class PrefixExchange:
 
     def announce(self, paths: Iterable[str]) -> None:
         """Log files that forge is about to write, so that they are known after a kill."""
-        log = written_log(self._name, self._layout)
-        append(str(log), *(b"W" + os.fsencode(path) for path in paths))
+        append(str(self._log), *(b"W" + os.fsencode(path) for path in paths))
 
     def overwritten(self, installed: Iterable[str]) -> Iterator[Problem]:
         """Restore unowned files that the package has replaced; yield a problem for each.
@@ -245,6 +273,11 @@ class PrefixExchange:
         Edited files that the package no longer installs are restored: return a problem for each, and for
         unowned files that it may have changed.
         """
+        if self._is_first:
+            self._moved.rmdir()
+            remove_log(self._log)
+            self._state.unlink()
+            return ()
         listed = read_list(self._list, str(self._layout.install))
         problems = [*self._keep_changed()]
         cut = len(str(self._moved))
@@ -318,7 +351,7 @@ class PrefixExchange:
                 remove_tree(str(trash))
                 folder.rename(trash)
                 remove_tree(str(trash))
-        remove_log(written_log(self._name, self._layout))
+        remove_log(self._log)
         for file in (self._state, self._list, guarded_links(self._name, self._layout)):
             file.unlink(missing_ok=True)
 
@@ -339,9 +372,10 @@ class PrefixExchange:
                     "state": {**self._noted("state"), "listed": False},
                     "folders": self._noted("folders"),
                 }
-                replace_file(self._state, json.dumps(noted).encode())
+                self._write_state(noted)
         if not self._layout.merged:
             remove_tree(str(self._others.folder))
+            self._known_entries = None
         return problems
 
     def _remove_written(self) -> None:
@@ -388,10 +422,16 @@ class PrefixExchange:
         data = {"state": state, "folders": modes}
         with contextlib.suppress(FileNotFoundError):
             replace_file(self._list, list_file(self._name, self._layout).read_bytes())
+        self._write_state(data)
+
+    def _write_state(self, data: Mapping[str, Any]) -> None:
         replace_file(self._state, json.dumps(data).encode())
+        self._known_state = data
 
     def _noted(self, key: str) -> Mapping[str, Any]:
-        value = read_json(self._state).get(key)
+        if self._known_state is None:
+            self._known_state = read_json(self._state)
+        value = self._known_state.get(key)
         return value if isinstance(value, dict) else {}
 
     def _move_aside(self, paths: Iterable[str], folders: Iterable[str]) -> None:
@@ -511,10 +551,9 @@ def _others_of_merged(layout: Layout) -> Copies:
     return Copies(layout.install / BACKUP_DIR / ".others")
 
 
-@lru_cache(maxsize=1024)  # an exchange needs all of them
 def _folder(name: str, layout: Layout, kind: str = "") -> Path:
     """Return an entry of a package in the backup folder; package names contain no dots."""
-    return layout.install / BACKUP_DIR / (f"{name}.{kind}" if kind else name)
+    return Path(f"{layout.install}/{BACKUP_DIR}/{name}{kind and '.'}{kind}")
 
 
 def _rename(path: str, target: str) -> None:

@@ -71,7 +71,7 @@ class WorkspaceScripts:
         The digested package.* scripts already reflect all hooks and existing folders.
         """
         prefix = self._layout.prefix(name)
-        share, index = f"{prefix}/share/{name}/", str(prefix / PACKAGES / name)
+        share, index = f"{prefix}/share/{name}/", f"{prefix}/{PACKAGES}/{name}"
         listed = [
             path for path in files if path == index or (path.startswith(share) and path.endswith(_HOOKS))
         ]

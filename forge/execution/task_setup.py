@@ -39,7 +39,7 @@ from forge.build.inputs.native_graph import (
     written_by_backend,
 )
 from forge.build.installation import InstalledFiles, remove_stale, set_file_times
-from forge.build.installed_lists import package_markers, write_installed_list
+from forge.build.installed_lists import write_installed_list
 from forge.build.model import BuildRecord
 from forge.build.observed_writes import ObservedSteps, read_steps
 from forge.build.prefix import PrefixExchange, written_log
@@ -97,6 +97,7 @@ class TaskSetup(TaskLifecycle):
     _configs: dict[str, Pairs] = field(default_factory=dict)
     _begun: dict[str, tuple[FolderRecord | None, FolderRecord]] = field(default_factory=dict)
     """For each build folder in use, the record of the last build and that of this one."""
+    _exchanges: dict[str, PrefixExchange] = field(default_factory=dict)
     _steps: dict[str, ObservedSteps] = field(default_factory=dict)
     _detected: dict[str, frozenset[str]] = field(default_factory=dict)
     """The inputs of the compiler detection whose results were copied into a build folder."""
@@ -208,16 +209,20 @@ class TaskSetup(TaskLifecycle):
             self._steps[task.name] = read_steps(written_log(task.name, self.layout))
         return self._steps[task.name]
 
-    def _back_up(self, task: Task) -> None:
+    def _exchange(self, task: Task) -> PrefixExchange:
+        if task.name not in self._exchanges:
+            self._exchanges[task.name] = PrefixExchange(task.name, self.layout)
+        return self._exchanges[task.name]
+
+    def _back_up(self, task: Task, *, runs_steps: bool = True) -> None:
         record = self.state.journal.records.get(task.name)
         self.state.scripts.begin(task.name, record.files if record else ())
         if task.stage:
             staging.begin(task, self.layout)
             return
-        shared = self.state.merged_prefix.shared_files(task)
-        exchange = PrefixExchange(task.name, self.layout)
-        self.kept.extend(exchange.begin(task.earlier, shared))
-        raise_if_any(exchange.in_the_way(package_markers(task.name, self.layout)), WorkspaceError)
+        shared, exchange = self.state.merged_prefix.shared_files(task), self._exchange(task)
+        self.kept.extend(exchange.begin(task.earlier, shared, runs_steps=runs_steps))
+        raise_if_any(exchange.in_the_way(exchange.markers), WorkspaceError)
 
     def _keep_linked(self, task: Task, removed: Collection[str] | None) -> None:
         if task.stage and self.layout.symlink:
@@ -231,14 +236,14 @@ class TaskSetup(TaskLifecycle):
         if cached_tree is None or self.cache is None:
             return None
         with closing(cached_tree), self._alone:
-            self._back_up(task)
+            self._back_up(task, runs_steps=False)
             paths = [f"{task.prefix}/{leaf.path}" for leaf in cached_tree.tree.leaves]
-            exchange = PrefixExchange(task.name, self.layout)
+            exchange = self._exchange(task)
             raise_if_any(exchange.in_the_way(paths), WorkspaceError)
             exchange.announce(paths)
             files, empty = self.cache.restore(task, cached_tree)
             staging.forget_sources(task)
-            set_file_times(task, files, self.layout, self.state.table, restored=True)
+            set_file_times(exchange, files, self.state.table, restored=True)
             installed = InstalledFiles(files, empty)
             # The build folder does not belong to the record: the next build starts from empty.
             record = replace(
@@ -254,11 +259,13 @@ class TaskSetup(TaskLifecycle):
         return record
 
     def _commit(self, task: Task) -> None:
+        exchange = self._exchange(task)
+        del self._exchanges[task.name]
         if task.stage:
             staging.end(task, self.layout)
             return
         with self._alone:
-            self.kept.extend(PrefixExchange(task.name, self.layout).commit())
+            self.kept.extend(exchange.commit())
 
     def remark(self, task: Task) -> str:
         return self.cache.remark(task.name) if self.cache else ""
@@ -270,15 +277,16 @@ class TaskSetup(TaskLifecycle):
         needs |= {need for need in self.resolution.needs[task.name] if packages[need].embedded}
         is_observed = self._read_steps(task).complete
         observed = self._record_commands(task)
+        exchange = self._exchange(task)
         with self._alone:
             if task.stage:
                 installed, problems = staging.commit(task, self.layout)
                 self.kept.extend(problems)
             else:
-                installed = installation.installed_files(task.package, self.layout, task.earlier)
+                installed = installation.installed_files(task.package, self.layout, exchange, task.earlier)
             staging.note_installed(task, installed, observed=is_observed)
             own = installation.install_package(
-                task.package, self.layout, tuple(sorted(needs)), self.interpreter, installed.files
+                task.package, self.layout, tuple(sorted(needs)), self.interpreter, installed.files, exchange
             )
             files = tuple(sorted({*installed.files, *own}))
             written = None if installed.written is None else installed.written.union(own)
@@ -287,7 +295,7 @@ class TaskSetup(TaskLifecycle):
                 self.kept.extend(staging.remove_other_stale(task, self.layout, installed))
         build = task.build_dir
         if not task.stage:  # in a stage, unchanged files were not touched
-            set_file_times(task, installed.files, self.layout, self.state.table)
+            set_file_times(exchange, installed.files, self.state.table)
         prefixes = map(self.layout.prefix, (task.name, *task.needs))
         declared = (self.state.source(task), build, self.layout.build / TOOLCHAIN_DIR, *prefixes)
         graph = read_native_graph(build)
@@ -353,7 +361,7 @@ class TaskSetup(TaskLifecycle):
         files, paths = installed.files, (*installed.files, *installed.folders)
         state = self.state
         with self._alone:
-            remove_stale(task, files, self.layout, state.journal.records)
+            remove_stale(task, files, self.layout, self._exchange(task), state.journal.records)
         state.scripts.end(task.name, files)
         previous, again = state.journal.records.get(task.name), None
         if previous and installed.written is not None:
@@ -402,16 +410,18 @@ class TaskSetup(TaskLifecycle):
         return tuple(sorted(names & records.keys() - {task.name}))
 
     def check(self, task: Task) -> None:
-        raise_if_any(PrefixExchange(task.name, self.layout).refused(), WorkspaceError)
+        raise_if_any(self._exchange(task).refused(), WorkspaceError)
 
     def undo(self, task: Task) -> None:
         self._record_commands(task)
+        exchange = self._exchange(task)
+        del self._exchanges[task.name]
         if task.stage:
             staging.end(task, self.layout)
             return
         try:
             with self._alone:
-                self.kept.extend(PrefixExchange(task.name, self.layout).roll_back())
+                self.kept.extend(exchange.roll_back())
         except OSError:
             # The backup still exists. Until a build restores it, the package must not look installed.
             installation.uninstall_markers(task.name, self.layout)
