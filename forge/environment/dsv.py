@@ -9,11 +9,10 @@ from __future__ import annotations
 import heapq
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 from posixpath import splitext
 
-from forge.base.errors import Location, Problem, WorkspaceError
+from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import frozen
 
 Read = Callable[[str], str | None]
@@ -107,8 +106,7 @@ def parse_dsv(text: str, path: str) -> tuple[tuple[DsvChange, ...], tuple[str, .
             hint = "the format is 'OPERATION;VARIABLE;VALUE' or 'source;PATH'"
             place = Location(path, number, source=line)
             problems.append(Problem("invalid environment hook", place, hint))
-    if problems:
-        raise WorkspaceError(*problems)
+    raise_if_any(problems, WorkspaceError)
     return tuple(changes), tuple(sources)
 
 
@@ -178,26 +176,21 @@ def apply(
             result[edit.variable] = value
         elif edit.operation != "default":
             if entries is None:
-                entries = lists[edit.variable] = _Entries.of(result.get(edit.variable, ""), first=first)
+                entries = lists[edit.variable] = _Entries(result.get(edit.variable, ""), first=first)
             entries.add(value, last=edit.operation == "append")
     result.update((variable, entries.text()) for variable, entries in lists.items())
     return result
 
 
-@dataclass(slots=True)
 class _Entries:
     """The entries of a variable being edited; dicts keep the order and detect duplicates."""
 
-    held: dict[str, None]
-    original: list[str]
-    first: bool
-    front: dict[str, None] = field(default_factory=dict)  # the last one added comes first
-    back: dict[str, None] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, text: str, *, first: bool) -> _Entries:
-        original = text.split(":") if text else []
-        return cls(dict.fromkeys(original), original, first)
+    def __init__(self, text: str, *, first: bool) -> None:
+        self.original = text.split(":") if text else []
+        self.held = frozenset(self.original)
+        self.first = first
+        self.front: dict[str, None] = {}  # the last one added comes first
+        self.back: dict[str, None] = {}
 
     def add(self, value: str, *, last: bool) -> None:
         """Add a value at the front or the end; an existing one moves only with `first`."""

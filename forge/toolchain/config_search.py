@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
+from functools import cache
 from itertools import islice
 
 from forge.base.files import names_in
@@ -23,8 +24,8 @@ class ConfigSearch:
     """Searches config files; each folder is read once."""
 
     def __init__(self) -> None:
-        self._entries: dict[str, list[tuple[str, str]]] = {}
-        self._found_bases: dict[str, tuple[str, ...]] = {}
+        self._bases = cache(self._find_bases)
+        self._listed = cache(self._sorted_entries)
 
     def folder(self, prefix: str, name: str) -> str:
         """Return the real folder of a package's config file below a prefix, '' if there is none."""
@@ -44,11 +45,9 @@ class ConfigSearch:
             for entry in self._named(base, name):
                 yield from (f"{base}/{entry}{below}" for below in _INSIDE)
 
-    def _bases(self, prefix: str) -> tuple[str, ...]:
-        if prefix not in self._found_bases:
-            native = (f"lib/{entry}" for _, entry in self._listed(f"{prefix}/lib") if "-linux-" in entry)
-            self._found_bases[prefix] = tuple(f"{prefix}/{below}" for below in (*native, *_LIBRARIES))
-        return self._found_bases[prefix]
+    def _find_bases(self, prefix: str) -> tuple[str, ...]:
+        native = (f"lib/{entry}" for _, entry in self._listed(f"{prefix}/lib") if "-linux-" in entry)
+        return tuple(f"{prefix}/{below}" for below in (*native, *_LIBRARIES))
 
     def _named(self, folder: str, name: str) -> Iterator[str]:
         listed = self._listed(folder)
@@ -57,8 +56,7 @@ class ConfigSearch:
                 break
             yield entry
 
-    def _listed(self, folder: str) -> list[tuple[str, str]]:
+    @staticmethod
+    def _sorted_entries(folder: str) -> list[tuple[str, str]]:
         """Return the entries of a folder as (lower-case name, name), sorted."""
-        if folder not in self._entries:
-            self._entries[folder] = sorted((entry.lower(), entry) for entry in names_in(folder))
-        return self._entries[folder]
+        return sorted((entry.lower(), entry) for entry in names_in(folder))

@@ -16,9 +16,14 @@ _WITHOUT_CXX = frozenset({"ASM", "C", "Fortran", "NONE", "OPTIONAL"})
 
 
 def compiled_packages(packages: Iterable[Package]) -> list[Package]:
-    """Return the packages whose project() enables a language."""
-    cmake_packages = (package for package in packages if package.build_type in CMAKE_TYPES)
-    return [package for package in cmake_packages if _compiles(_project_text(package))]
+    """Return the packages whose project() enables a language, that is, unless it specifies NONE."""
+    compiled = []
+    for package in packages:
+        text = _project_text(package) if package.build_type in CMAKE_TYPES else ""
+        project = next((call for call in calls(text) if call.command == "project"), None)
+        if text and (project is None or "NONE" not in project.words):
+            compiled.append(package)
+    return compiled
 
 
 def any_enables_cxx(packages: Iterable[Package]) -> bool:
@@ -44,12 +49,6 @@ def enables_cxx(text: str) -> bool:
 
 def _project_text(package: Package) -> str:
     return text_or_nothing(package.path / "CMakeLists.txt")
-
-
-def _compiles(text: str) -> bool:
-    """Return whether project() enables a language, that is, unless it specifies NONE."""
-    project = next((call for call in calls(text) if call.command == "project"), None)
-    return bool(text) and (project is None or "NONE" not in project.words)
 
 
 def certainly_compiles(text: str) -> bool:

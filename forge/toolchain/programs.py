@@ -11,6 +11,7 @@ import re
 import stat
 import sys
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache, cached_property
 from pathlib import Path
 
 from forge.base.errors import HostError, Problem, raise_if_any
@@ -275,35 +276,24 @@ class ProgramLookup:
     def __init__(self, variables: Mapping[str, str]) -> None:
         path = variables.get("PATH", os.defpath)
         self.folders = tuple(dict.fromkeys(folder for folder in path.split(os.pathsep) if folder))
-        self._real: dict[str, str] = {}
-        self._identities: dict[str, str] = {}
-        self._names: frozenset[str] | None = None
+        self.identity = cache(self._identity)
+        self._real = cache(os.path.realpath)
 
-    @property
+    @cached_property
     def names(self) -> frozenset[str]:
-        if self._names is None:
-            self._names = frozenset(name for folder in self.folders for name in names_in(folder))
-        return self._names
+        return frozenset(name for folder in self.folders for name in names_in(folder))
 
-    def identity(self, word: str) -> str:
+    def _identity(self, word: str) -> str:
         """Return path, size and time of a program given by name or path, '' if it does not exist.
 
         The path is normalized, so that links between folders such as /bin and /usr/bin make no difference.
         """
-        if word not in self._identities:
-            self._identities[word] = self._find(word)
-        return self._identities[word]
-
-    def _find(self, word: str) -> str:
-        paths = [word] if os.sep in word else [f"{folder}/{word}" for folder in self.folders]
-        for path in paths:
+        for path in [word] if os.sep in word else [f"{folder}/{word}" for folder in self.folders]:
             try:
                 status = os.stat(path)
             except (OSError, ValueError):
                 continue
             if stat.S_ISREG(status.st_mode) and status.st_mode & 0o111:
                 folder, _, name = path.rpartition("/")
-                if folder not in self._real:
-                    self._real[folder] = os.path.realpath(folder)
-                return f"{self._real[folder]}/{name} {status.st_size} {status.st_mtime_ns}"
+                return f"{self._real(folder)}/{name} {status.st_size} {status.st_mtime_ns}"
         return ""

@@ -23,12 +23,18 @@ from forge.base.files import not_regular_reason
 from forge.base.names import project_name
 from forge.workspace.identification import MARKER_FILES, identify, read_package
 from forge.workspace.identity import NOT_A_PACKAGE
-from forge.workspace.model import BrokenPackage, Dependency, DependencyKind, Package, Workspace
+from forge.workspace.model import (
+    PYTHON_TYPES,
+    BrokenPackage,
+    Dependency,
+    DependencyKind,
+    Package,
+    Workspace,
+)
 from forge.workspace.overrides import Overrides
 from forge.workspace.source_names import folders_to_search, is_environment, is_source_folder
 
 _GROUP_KINDS = frozenset({DependencyKind.BUILD, DependencyKind.BUILD_EXPORT, DependencyKind.EXEC})
-_PYTHON_TYPES = ("python", "ament_python")
 _READ_BY_TOOLS = (
     *("CMakeLists.txt", "setup.cfg", "pyproject.toml", "MANIFEST.in", ".cmake", ".in", ".py"),
     *(".c", ".cc", ".cpp", ".cxx", ".h", ".hh", ".hpp", ".hxx", ".S", ".s"),
@@ -52,12 +58,56 @@ def discover(
     path, those from `paths` are absolute. Conditions use `variables`, completed with ROS_DEFAULTS. A folder
     that does not exist contains no packages.
     """
-    walk = _Walk(root, {**ROS_DEFAULTS, "DISABLE_GROUPS_WORKAROUND": "1", **variables}, overrides)
-    for path in _expanded(root, paths):
-        walk.visit(os.path.join(root, path))
-    for base in _expanded(root, base_paths):
-        walk.visit(base, below=True)
-    return walk.workspace()
+    variables = {**ROS_DEFAULTS, "DISABLE_GROUPS_WORKAROUND": "1", **variables}
+    overrides = overrides or Overrides()
+    has_overrides = bool(overrides.by_path or overrides.build_types)
+    visited: set[tuple[int, int]] = set()  # with links, too, each folder is visited only once
+    packages: dict[str, Package] = {}
+    duplicates: list[Package] = []
+    broken: list[BrokenPackage] = []
+    notes: list[Problem] = []
+    tops = [(os.path.join(root, path), False) for path in _expanded(root, paths)]
+    tops += [(base, True) for base in _expanded(root, base_paths)]
+    for base, below in tops:
+        top, denied = os.path.join(root, base), list[PermissionError]()
+        for folder, entries in folders_to_search(top, visited, denied):
+            identity = NOT_A_PACKAGE
+            if has_overrides or not MARKER_FILES.isdisjoint(entries):
+                path = Path(base, folder[len(top) :].lstrip("/"))
+                identity = identify(root, path, entries.keys(), variables, overrides)
+                if identity.problems:
+                    broken.append(BrokenPackage(identity.name, path, identity.problems))
+                notes += identity.notes
+                package = identity.package
+                if package is not None and packages.setdefault(package.name, package) is not package:
+                    duplicates.append(package)
+            if not (below and identity.descend):
+                entries.clear()
+        for error in denied:
+            message = f"ignoring unreadable folder: {reason_of(error)}"
+            hint = "grant read permission, or ignore it with an empty file COLCON_IGNORE in its parent folder"
+            place = Location(Path(base, error.filename[len(top) :].lstrip("/")))
+            notes.append(Problem(message, place, hint))
+    all_packages = _with_all_dependencies([*packages.values(), *duplicates])
+    count = len(packages)
+    for same in projects(all_packages[:count]).values():
+        plain = [package for package in same if not package.ros]
+        for other in plain[1:]:
+            message = f"'{plain[0].name}' and '{other.name}' are the same Python project (PEP 503)"
+            hint = f"rename one of them; the other is in '{plain[0].path}'"
+            notes.append(Problem(message, Location(other.path), hint))
+    notes += (warning for package in all_packages for warning in package.manifest.warnings)
+    for number, each in enumerate(broken):
+        resolved = (root / each.path).resolve().name
+        guessed_name = str(each.path) if resolved in packages else resolved
+        broken[number] = replace(each, name=each.name or guessed_name)
+    return Workspace(
+        root,
+        {package.name: package for package in all_packages[:count]},
+        tuple(broken),
+        tuple(all_packages[count:]),
+        tuple(notes),
+    )
 
 
 @cache
@@ -109,61 +159,6 @@ def special_files(root: Path, folder: Path) -> Iterator[Problem]:
                     yield Problem(f"cannot read the file: {reason}", Location(place))
 
 
-class _Walk:
-    """A walk over folders that visits each folder only once, even with links."""
-
-    def __init__(self, root: Path, variables: Mapping[str, str], overrides: Overrides | None) -> None:
-        self.root = root
-        self.variables = variables
-        self.overrides = overrides or Overrides()
-        self.has_overrides = bool(self.overrides.by_path or self.overrides.build_types)
-        self.visited: set[tuple[int, int]] = set()
-        self.packages: dict[str, Package] = {}
-        self.duplicates: list[Package] = []
-        self.broken: list[BrokenPackage] = []
-        self.notes: list[Problem] = []
-
-    def visit(self, base: str, *, below: bool = False) -> None:
-        """Identify a folder and, unless it is a package, the folders below it."""
-        top, denied = os.path.join(self.root, base), list[PermissionError]()
-        for folder, entries in folders_to_search(top, self.visited, denied):
-            identity = NOT_A_PACKAGE
-            if self.has_overrides or not MARKER_FILES.isdisjoint(entries):
-                path = Path(base, folder[len(top) :].lstrip("/"))
-                identity = identify(self.root, path, entries.keys(), self.variables, self.overrides)
-                if identity.problems:
-                    self.broken.append(BrokenPackage(identity.name, path, identity.problems))
-                self.notes += identity.notes
-                package = identity.package
-                if package is not None and self.packages.setdefault(package.name, package) is not package:
-                    self.duplicates.append(package)
-            if not (below and identity.descend):
-                entries.clear()
-        for error in denied:
-            message = f"ignoring unreadable folder: {reason_of(error)}"
-            hint = "grant read permission, or ignore it with an empty file COLCON_IGNORE in its parent folder"
-            place = Location(Path(base, error.filename[len(top) :].lstrip("/")))
-            self.notes.append(Problem(message, place, hint))
-
-    def workspace(self) -> Workspace:
-        all_packages = _with_all_dependencies([*self.packages.values(), *self.duplicates])
-        count = len(self.packages)
-        packages = {package.name: package for package in all_packages[:count]}
-        for same in projects(all_packages[:count]).values():
-            plain = [package for package in same if not package.ros]
-            for other in plain[1:]:
-                message = f"'{plain[0].name}' and '{other.name}' are the same Python project (PEP 503)"
-                hint = f"rename one of them; the other is in '{plain[0].path}'"
-                self.notes.append(Problem(message, Location(other.path), hint))
-        notes = (*self.notes, *(warning for package in all_packages for warning in package.manifest.warnings))
-        broken = []
-        for each in self.broken:
-            folder = (self.root / each.path).resolve().name
-            guessed_name = str(each.path) if folder in self.packages else folder
-            broken.append(replace(each, name=each.name or guessed_name))
-        return Workspace(self.root, packages, tuple(broken), tuple(all_packages[count:]), notes)
-
-
 def _expanded(root: Path, paths: Iterable[str]) -> Iterable[str]:
     for path in paths:
         if "*" not in path:
@@ -178,7 +173,7 @@ def projects(packages: Iterable[Package]) -> dict[str, list[Package]]:
     """Return the Python packages by the names that PEP 503 compares."""
     by_name: dict[str, list[Package]] = {}
     for package in packages:
-        if package.build_type in _PYTHON_TYPES:
+        if package.build_type in PYTHON_TYPES:
             by_name.setdefault(project_name(package.name), []).append(package)
     return by_name
 

@@ -64,20 +64,17 @@ def identify(
                 raise WorkspaceError(Problem(message, Location(package.manifest.path), hint))
             sources = (own, overrides.named(package.name), placed)
             identity = replace(identity, package=with_overrides(package, sources))
-    except WorkspaceError as error:
-        return Identity(problems=error.problems, name=_likely_name(folder))
-    except OSError as error:
+    except (WorkspaceError, OSError) as error:
+        text = text_or_nothing(folder.absolute / "package.xml") if "package.xml" in entries else ""
+        named = _NAME.search(_COMMENT.sub("", text))
+        name = folder.name or (named[1] if named else "")
+        if isinstance(error, WorkspaceError):
+            return Identity(problems=error.problems, name=name)
         file = os.path.relpath(error.filename, folder.absolute) if error.filename else "package.xml"
         what = "the manifest" if file == "package.xml" else "the file"
         problem = Problem(f"cannot read {what}: {error.strerror}", Location(path / file))
-        return Identity(problems=(problem,), name=_likely_name(folder))
+        return Identity(problems=(problem,), name=name)
     return replace(identity, notes=(*conflicts, *identity.notes))
-
-
-def _likely_name(folder: Folder) -> str:
-    text = text_or_nothing(folder.absolute / "package.xml") if "package.xml" in folder.entries else ""
-    named = _NAME.search(_COMMENT.sub("", text))
-    return folder.name or (named[1] if named else "")
 
 
 def read_package(folder: Path, displayed: Path, variables: Mapping[str, str]) -> Package:

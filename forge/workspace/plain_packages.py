@@ -60,10 +60,10 @@ def cmake_package(folder: Folder) -> Identity | None:
         return None
     text = folder.text("CMakeLists.txt")
     path = folder.display_path / "CMakeLists.txt"
-    if project_name(text) == "Project" and "catkin_workspace()" in text.splitlines():
+    name = project_name(text)
+    if name == "Project" and "catkin_workspace()" in text.splitlines():
         message = "ignored: this is the top-level CMakeLists.txt that catkin_make creates"
         return Identity(descend=True, notes=(Problem(message, Location(path)),))
-    name = project_name(text)
     notes = (_no_literal(folder, path),) if name == "" and not folder.name else ()
     name = name or folder.absolute.resolve().name
     # As in colcon, dependencies are not read if the user assigned both name and type.
