@@ -542,8 +542,8 @@ def check_bases(root: Path, search: SearchPaths, bases: Mapping[str, Path]) -> N
 
 
 def _sources(root: Path, workspace: Workspace) -> folder_marks.SourceFolders:
-    packages = (*workspace.packages.values(), *workspace.duplicates)
-    return folder_marks.SourceFolders(root, (root / package.path for package in packages), Path.home())
+    sources = (root / package.path for package in workspace.all_packages)
+    return folder_marks.SourceFolders(root, sources, Path.home())
 
 
 def forge_stamp() -> str:

@@ -138,7 +138,7 @@ def _with_literal_names(query: Query, workspace: Workspace, every: Collection[st
     """
     plain = projects(package for package in workspace.packages.values() if not package.ros)
     here = Path(query.origin)
-    names = {package.path: package.name for package in (*workspace.packages.values(), *workspace.duplicates)}
+    names = {package.path: package.name for package in workspace.all_packages}
     names |= {package.path: package.name for package in workspace.broken}
     around = next((names[folder] for folder in (here, *here.parents) if folder in names), os.curdir)
 
@@ -288,8 +288,7 @@ def clashes(workspace: Workspace, names: Collection[str]) -> Iterator[Problem]:
         yield Problem(message, hint=f"change to one of them: cd {min(tops)}")
         return
     others = {path for _, path in copies}
-    every = (*workspace.packages.values(), *workspace.duplicates)
-    manifests = {package.path: package.manifest.path for package in every}
+    manifests = {package.path: package.manifest.path for package in workspace.all_packages}
     for (top, copy), members in groups.items():
         name, path = members[0]
         near = f"'{path}/{IGNORE_MARK}'"

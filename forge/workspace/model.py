@@ -145,6 +145,10 @@ class Workspace:
     notes: tuple[Problem, ...] = ()
 
     @property
+    def all_packages(self) -> tuple[Package, ...]:
+        return (*self.packages.values(), *self.duplicates)
+
+    @property
     def problems(self) -> tuple[Problem, ...]:
         return tuple(problem for broken in self.broken for problem in broken.problems)
 

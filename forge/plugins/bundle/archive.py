@@ -18,12 +18,11 @@ _TIME = 315532800
 """1980-01-01, the earliest time that some archivers support."""
 
 
-def write_bundle(install: Path, output: Path, *, build_files: bool, name: str = "") -> tuple[int, int]:
+def write_bundle(install: Path, output: Path, *, name: str, build_files: bool) -> tuple[int, int]:
     """Write the archive; return the number of files and its size in bytes.
 
     Links that lead out of the tree are replaced by their targets, others are kept. All files are below one
-    folder with this `name`, by default the name of the install folder. Raises WorkspaceError for files that
-    cannot be packed.
+    folder with this `name`. Raises WorkspaceError for files that cannot be packed.
     """
     if not (install / LAYOUT_MARKER).is_file():
         platforms = sorted(marker.parent.name for marker in install.glob(f"*/{LAYOUT_MARKER}"))
@@ -58,7 +57,7 @@ def write_bundle(install: Path, output: Path, *, build_files: bool, name: str = 
             tarfile.open(fileobj=packed, mode="w", format=tarfile.PAX_FORMAT) as archive,
         ):
             for path in members:
-                _add(archive, install, path, name or install.name)
+                _add(archive, install, path, name)
         draft.replace(output)
     finally:
         draft.unlink(missing_ok=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -51,24 +52,15 @@ class Finding:
     column: int = 0
 
 
-@frozen
-class Place:
-    file: str
-    line: int
-    column: int
-    severity: str
-    message: str
-
-
-def diagnostics(text: str) -> Iterator[Place]:
-    """Yield the errors and warnings in the output of a package, with file names as printed."""
+def diagnostics(text: str) -> Iterator[Finding]:
+    """Yield the errors and warnings in the output of a package without titles; file names are as printed."""
     for match in _DIAGNOSTIC.finditer(_COLOUR.sub("", text)):
         if match["kind"]:
             message = " ".join(match["text"].split())
-            yield Place(match["list"], int(match["number"]), 0, match["kind"].lower(), message)
+            yield Finding(match["kind"].lower(), "", message, match["list"], int(match["number"]))
         else:
-            column = int(match["column"] or 0)
-            yield Place(match["file"], int(match["line"]), column, match["severity"], match["message"])
+            place = match["file"], int(match["line"]), int(match["column"] or 0)
+            yield Finding(match["severity"], "", match["message"], *place)
 
 
 class CiReporter(Reporter):
@@ -102,6 +94,9 @@ class CiReporter(Reporter):
         for finding in findings:
             yield from self.announce(finding)
 
+    def fold(self, title: str, block: str) -> str:
+        return "".join(f"{line}\n" for line in self.log(title, block.rstrip("\n").split("\n")))
+
     def log(self, title: str, lines: Iterable[str]) -> Iterable[str]:
         """Return the lines of a log, folded."""
         return ()
@@ -120,8 +115,7 @@ class CiReporter(Reporter):
         if place and (file := self._relative(place.file, name)):
             # The location is shown beside the message; CMake's message is in the lines after it.
             rest = () if lines[0].startswith("CMake Error") else lines[1:]
-            message = "\n".join((place.message, *rest, *more))
-            yield Finding("error", title, message, file, place.line, place.column)
+            yield replace(place, title=title, message="\n".join((place.message, *rest, *more)), file=file)
         else:
             yield Finding("error", title, full_message, *(self._origin(name, lines[0]) if place else ()))
 
@@ -142,7 +136,7 @@ class CiReporter(Reporter):
             key = (file, place.line, place.message)
             if file and key not in self._warned:
                 self._warned.add(key)
-                yield Finding("warning", name, place.message, file, place.line, place.column)
+                yield replace(place, title=name, file=file)
 
     def _failed_test(self, event: Mapping[str, Any]) -> Finding:
         title = f"{event['package']}: {event['test']}"

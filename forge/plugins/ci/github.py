@@ -43,9 +43,6 @@ class GitHub(CiReporter):
             properties = {"title": finding.title, **{name: value for name, value in place.items() if value}}
             yield command(finding.severity, finding.message, **properties)
 
-    def fold(self, title: str, block: str) -> str:
-        return "".join(f"{line}\n" for line in self.log(title, block.rstrip("\n").split("\n")))
-
     def guard(self, text: str) -> str:
         if not _COMMAND.search(text):
             return text

@@ -27,9 +27,6 @@ class GitLab(CiReporter):
         super().__init__(run)
         self._sections = 0
 
-    def fold(self, title: str, block: str) -> str:
-        return "".join(f"{line}\n" for line in self.log(title, block.rstrip("\n").split("\n")))
-
     def log(self, title: str, lines: Iterable[str]) -> Iterator[str]:
         """Yield a collapsed section; its name must be unique in a job."""
         self._sections += 1

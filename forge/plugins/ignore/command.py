@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 
 from forge.base.errors import Problem, SelectionError, print_warnings
@@ -19,9 +19,11 @@ from forge.cli.config import option_files
 from forge.cli.options import displayed
 from forge.workspace.ignoring import IgnoredPackage, ignored_packages
 from forge.workspace.load import find_packages
-from forge.workspace.model import Package, Workspace
+from forge.workspace.model import Workspace
 from forge.workspace.selection import Query, SearchPaths
 from forge.workspace.selection import ignored as ignored_by
+
+_TO_LIST = "'forge ignore --list' lists what is ignored"
 
 
 @frozen
@@ -45,8 +47,7 @@ def run(options: Options) -> int:
     workspace = find_packages(root, options.search, os.environ)
     hidden = list(ignored_packages(root, options.search.base_paths, os.environ))
     if options.undo and not options.names:
-        hint = "'forge ignore --list' lists what is ignored"
-        raise SelectionError(Problem("'--undo' needs the name of a package or a folder", hint=hint))
+        raise SelectionError(Problem("'--undo' needs the name of a package or a folder", hint=_TO_LIST))
     if options.names and not options.list:
         for word in options.names:
             (_unmark if options.undo else _mark)(word, workspace, hidden, options)
@@ -56,7 +57,7 @@ def run(options: Options) -> int:
 
 
 def _mark(word: str, workspace: Workspace, hidden: Iterable[IgnoredPackage], options: Options) -> None:
-    packages = [each for each in _packages(workspace) if each.name == word]
+    packages = [each for each in workspace.all_packages if each.name == word]
     ignored_package = next((each for each in hidden if each.name == word and not packages), None)
     if ignored_package:
         print(f"'{word}' is ignored already, because of '{displayed(ignored_package.file, options.origin)}'")
@@ -71,11 +72,11 @@ def _mark(word: str, workspace: Workspace, hidden: Iterable[IgnoredPackage], opt
     if os.path.lexists(mark):
         print(f"'{word}' is ignored already, because of '{shown}'")
         return
-    newly_ignored = [each.name for each in _packages(workspace) if each.path.is_relative_to(folders[0])]
+    newly_ignored = [each.name for each in workspace.all_packages if each.path.is_relative_to(folders[0])]
     write_if_changed(mark, "")
     print(f"ignored {listed(newly_ignored) if newly_ignored else repr(word)}: created '{shown}'")
     needed: dict[str, list[str]] = {}
-    for each in _packages(workspace):
+    for each in workspace.all_packages:
         for dependency in () if each.name in newly_ignored else each.manifest.dependencies:
             if dependency.name in newly_ignored:
                 needed.setdefault(dependency.name, []).append(each.name)
@@ -88,8 +89,7 @@ def _mark(word: str, workspace: Workspace, hidden: Iterable[IgnoredPackage], opt
 def _unmark(word: str, workspace: Workspace, hidden: Iterable[IgnoredPackage], options: Options) -> None:
     matches = [each for each in hidden if each.name == word]
     if not matches and word in workspace.packages:
-        hint = "'forge ignore --list' lists what is ignored"
-        raise SelectionError(Problem(f"'{word}' is not ignored", hint=hint))
+        raise SelectionError(Problem(f"'{word}' is not ignored", hint=_TO_LIST))
     if len(matches) > 1:
         paths = listed([displayed(each.path, options.origin) for each in matches])
         hint = "give the path of the package to include again"
@@ -99,12 +99,8 @@ def _unmark(word: str, workspace: Workspace, hidden: Iterable[IgnoredPackage], o
     shown = displayed(mark, options.origin)
     if not os.path.lexists(mark):
         if not matches:
-            where = f"there is no '{shown}'"
-            raise SelectionError(
-                Problem(
-                    f"'{word}' is not ignored: {where}", hint="'forge ignore --list' lists what is ignored"
-                )
-            )
+            message = f"'{word}' is not ignored: there is no '{shown}'"
+            raise SelectionError(Problem(message, hint=_TO_LIST))
         raise SelectionError(_hidden_elsewhere(matches[0], hidden, options))
     if not is_own_ignore_mark(mark):
         hint = "remove it yourself if nobody needs it"
@@ -139,11 +135,6 @@ def _folders_of(
         what = "is the workspace itself" if path == workspace.root else "is not in the workspace"
         raise SelectionError(Problem(f"'{word}' {what}", hint="give the name of a package, or its folder"))
     return [path.relative_to(workspace.root)]
-
-
-def _packages(workspace: Workspace) -> Iterator[Package]:
-    yield from workspace.packages.values()
-    yield from workspace.duplicates
 
 
 def _list(workspace: Workspace, hidden: Iterable[IgnoredPackage], options: Options) -> None:

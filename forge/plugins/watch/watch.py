@@ -288,8 +288,7 @@ def watch_specs(
     def add(folder: str, spec: WatchSpec) -> None:
         specs[folder] = specs[folder].joined(spec) if folder in specs else spec
 
-    packages = [*workspace.packages.values(), *workspace.duplicates]
-    homes = {os.path.normpath(os.path.join(root, package.path)) for package in packages}
+    homes = {os.path.normpath(os.path.join(root, package.path)) for package in workspace.all_packages}
     for home in sorted(homes):
         for folder, targets in source_folders(home).items():
             add(folder, WatchSpec())

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from forge.plugins.ci.findings import Place, diagnostics
+from forge.plugins.ci.findings import Finding, diagnostics
 from forge.plugins.ci.github import cell, command, fence
 from tests.conftest import Forge, Tree
 
@@ -96,18 +96,18 @@ def test_workflow_commands_are_escaped(text: str) -> None:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("a b/x.cpp:3:7: error: no\n", Place("a b/x.cpp", 3, 7, "error", "no")),
-        ("a:1.cpp:3:7: error: no\n", Place("a:1.cpp", 3, 7, "error", "no")),
-        ("x.cpp:3: fatal error: a.h: none\n", Place("x.cpp", 3, 0, "error", "a.h: none")),
-        ("\x1b[1mx.c:3:7: \x1b[35mwarning: \x1b[0mold\n", Place("x.c", 3, 7, "warning", "old")),
+        ("a b/x.cpp:3:7: error: no\n", Finding("error", "", "no", "a b/x.cpp", 3, 7)),
+        ("a:1.cpp:3:7: error: no\n", Finding("error", "", "no", "a:1.cpp", 3, 7)),
+        ("x.cpp:3: fatal error: a.h: none\n", Finding("error", "", "a.h: none", "x.cpp", 3, 0)),
+        ("\x1b[1mx.c:3:7: \x1b[35mwarning: \x1b[0mold\n", Finding("warning", "", "old", "x.c", 3, 7)),
         (
             "CMake Warning (dev) at src/a/CMakeLists.txt:2 (message):\n  so\n  old\nThis\n",
-            Place("src/a/CMakeLists.txt", 2, 0, "warning", "so old"),
+            Finding("warning", "", "so old", "src/a/CMakeLists.txt", 2, 0),
         ),
         ("  x.cpp:3:7: error: quoted\nnote: x.cpp:1:1: error: no\n", None),
     ],
 )
-def test_errors_and_warnings_are_found_with_their_locations(text: str, expected: Place | None) -> None:
+def test_errors_and_warnings_are_found_with_their_locations(text: str, expected: Finding | None) -> None:
     assert next(diagnostics(text), None) == expected
 
 
