@@ -164,6 +164,19 @@ def tree(tmp_path: Path) -> Tree:
     return partial(write_files, tmp_path)
 
 
+@pytest.fixture
+def built(forge: Forge, tree: Tree) -> Tree:
+    """Make the files of a workspace, and build it."""
+
+    def build(files: Mapping[str, str]) -> Path:
+        root = tree(files)
+        ran = forge("build", cwd=root)
+        assert ran.code == 0, ran.err
+        return root
+
+    return build
+
+
 @pytest.fixture(scope="session")
 def detected_compilers(tmp_path_factory: pytest.TempPathFactory) -> Path | None:
     """Return a folder for the results of compiler detection, which all workspaces of a session share.

@@ -36,6 +36,11 @@ def manifest_text(name: str, *lines: str, build_type: str = "ament_cmake") -> st
     return HEAD.format(name=name, body="\n".join(f"  {line}" for line in (*lines, export)))
 
 
+def manifests(*folders: str) -> dict[str, str]:
+    """Return the manifests of packages that are named like their folders."""
+    return {f"{folder}/package.xml": manifest_text(folder.rpartition("/")[2]) for folder in folders}
+
+
 def package(name: str, *depends: str, build_type: str = "ament_cmake", tag: str = "depend") -> Package:
     """Return a package in src/NAME with one dependency element for each of `depends`."""
     lines = [f"<{tag}>{other}</{tag}>" for other in depends]

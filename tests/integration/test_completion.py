@@ -276,9 +276,7 @@ forge_cd gamma || echo no gamma
 """
 
 
-@pytest.mark.parametrize(
-    "shell", [pytest.param(shell, marks=pytest.mark.needs(shell)) for shell in ("bash", "zsh", "fish")]
-)
+@EVERY_SHELL
 def test_forge_cd_changes_to_packages_or_the_root(
     forge: Forge, workspace: Path, tmp_path_factory: pytest.TempPathFactory, shell: str
 ) -> None:

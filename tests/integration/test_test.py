@@ -23,7 +23,7 @@ BAD = 'add_test(NAME "bad.one" COMMAND sh -c "echo no luck; exit 3")'
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def all_kinds(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Build a workspace with packages of all kinds, once."""
     root = tmp_path_factory.mktemp("built") / "ws"
     files = {
@@ -43,14 +43,14 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def workspace(built: Path, tmp_path: Path) -> Path:
+def workspace(all_kinds: Path, tmp_path: Path) -> Path:
     """Return the built workspace without results of earlier tests."""
-    for path in built.glob("build/*/*"):
+    for path in all_kinds.glob("build/*/*"):
         if path.name in {"Testing", "colcon_test.rc", "pytest.xml", "unittest.xml"}:
             shutil.rmtree(path) if path.is_dir() else path.unlink()
-    shutil.rmtree(built / "log", ignore_errors=True)
+    shutil.rmtree(all_kinds / "log", ignore_errors=True)
     assert tmp_path.is_dir()
-    return built
+    return all_kinds
 
 
 def result(root: Path, name: str) -> str:
@@ -125,13 +125,12 @@ FAILED = '<testsuite tests="0" failures="0"><testcase name="t"><failure message=
     ],
 )
 def test_a_test_program_that_exits_with_0_hides_no_failure(
-    forge: Forge, tree: Tree, result: str, path: str, told: str
+    forge: Forge, built: Tree, result: str, path: str, told: str
 ) -> None:
     copy = f"copy ${{CMAKE_SOURCE_DIR}}/r ${{CMAKE_BINARY_DIR}}/{path}"
     write = f"add_test(NAME r COMMAND ${{CMAKE_COMMAND}} -E {copy})"
     fixture = "configure_file(r fixture.xml COPYONLY)"
-    root = tree({**cmake_package("p", fixture, write), "src/p/r": result})
-    assert forge("build", cwd=root).code == 0
+    root = built({**cmake_package("p", fixture, write), "src/p/r": result})
     (root / "build/p" / path).parent.mkdir(parents=True, exist_ok=True)
     ran = forge("test", "--return-code-on-test-failure", cwd=root)
     assert ran.code == 1
@@ -153,9 +152,8 @@ def test_a_test_program_that_exits_with_0_hides_no_failure(
         "atexit.register(put)\ndef test_a(): pass",
     ],
 )
-def test_python_tests_without_a_readable_result_fail(forge: Forge, tree: Tree, statement: str) -> None:
-    root = tree(python_package("p", statement, pytest=True))
-    assert forge("build", cwd=root).code == 0
+def test_python_tests_without_a_readable_result_fail(forge: Forge, built: Tree, statement: str) -> None:
+    root = built(python_package("p", statement, pytest=True))
     ran = forge("test", "--return-code-on-test-failure", cwd=root)
     assert ran.code == 1
     assert "1 test, 1 error, 0 failures" in ran.out
@@ -173,12 +171,11 @@ CONFTEST = "import os\ndef pytest_{hook}:\n    {statement}\n"
     ],
 )
 def test_a_failed_pytest_run_is_an_error_in_the_results(
-    forge: Forge, tree: Tree, hook: str, statement: str, told: str
+    forge: Forge, built: Tree, hook: str, statement: str, told: str
 ) -> None:
     """This holds even if all tests that ran have passed, because CI systems read only the results."""
     files = python_package("p", "def test_a(): pass", pytest=True)
-    root = tree({**files, "src/p/conftest.py": CONFTEST.format(hook=hook, statement=statement)})
-    assert forge("build", cwd=root).code == 0
+    root = built({**files, "src/p/conftest.py": CONFTEST.format(hook=hook, statement=statement)})
     assert_the_run_failed(forge, root, told)
     (root / "src/p/conftest.py").unlink()
     assert forge("test", "--return-code-on-test-failure", cwd=root).code == 0
@@ -193,9 +190,8 @@ def test_a_failed_pytest_run_is_an_error_in_the_results(
         "add_test(NAME rm COMMAND ${CMAKE_COMMAND} -E rm -r ${CMAKE_BINARY_DIR})",
     ],
 )
-def test_a_ctest_run_without_results_is_an_error_in_the_results(forge: Forge, tree: Tree, line: str) -> None:
-    root = tree(cmake_package("p", GOOD, BAD, line))
-    assert forge("build", cwd=root).code == 0
+def test_a_ctest_run_without_results_is_an_error_in_the_results(forge: Forge, built: Tree, line: str) -> None:
+    root = built(cmake_package("p", GOOD, BAD, line))
     assert_the_run_failed(forge, root, "ctest exited without writing a result")
 
 
@@ -220,14 +216,13 @@ def assert_the_run_failed(forge: Forge, root: Path, told: str) -> None:
     assert summary["tests"]["errors"] + len(summary["not_tested"]) == 1
 
 
-def test_a_test_run_killed_with_forge_is_an_error(forge: Forge, tree: Tree) -> None:
-    root = tree(
+def test_a_test_run_killed_with_forge_is_an_error(forge: Forge, built: Tree) -> None:
+    root = built(
         {
             **cmake_package("c", 'add_test(NAME a COMMAND sh -c "touch ../c_began && sleep 60")'),
             **python_package("p", "import time\ndef test_a():\n    time.sleep(60)\n", pytest=True),
         }
     )
-    assert forge("build", cwd=root).code == 0
     killed = subprocess.Popen(
         [sys.executable, "-m", "forge", "test", "-j2"],
         cwd=root,
@@ -248,9 +243,8 @@ def test_a_test_run_killed_with_forge_is_an_error(forge: Forge, tree: Tree) -> N
     assert forge("build", cwd=root).code == 0
 
 
-def test_results_of_removed_tests_are_deleted(forge: Forge, tree: Tree) -> None:
-    root = tree({**cmake_package("c", GOOD), **python_package("p", "def test_a(): pass", pytest=True)})
-    assert forge("build", cwd=root).code == 0
+def test_results_of_removed_tests_are_deleted(forge: Forge, built: Tree) -> None:
+    root = built({**cmake_package("c", GOOD), **python_package("p", "def test_a(): pass", pytest=True)})
     for base in ("build", "results"):
         assert "  2 tests, 0 errors" in forge("test", "--test-result-base", base, cwd=root).out
     lists = root / "src/c/CMakeLists.txt"
@@ -431,10 +425,9 @@ def test_a_program_that_cannot_be_started_fails_the_package(forge: Forge, worksp
     assert result(workspace, "c_bad") == "127"
 
 
-def test_a_package_whose_configuration_failed_is_not_tested(forge: Forge, tree: Tree) -> None:
+def test_a_package_whose_configuration_failed_is_not_tested(forge: Forge, built: Tree) -> None:
     """An earlier build is still installed, but 0 tests without a message would look like success."""
-    root = tree(cmake_package("c_good", GOOD))
-    assert forge("build", cwd=root).code == 0
+    root = built(cmake_package("c_good", GOOD))
     lists = root / "src/c_good/CMakeLists.txt"
     lists.write_text(lists.read_text() + "message(FATAL_ERROR no)\n")
     assert forge("build", cwd=root).code == 1
@@ -551,15 +544,14 @@ def test_tests_in_a_cycle_see_packages_that_were_built_later(forge: Forge, tree:
     assert "2 packages unchanged" in only.out
 
 
-def test_sources_that_changed_since_the_build_are_reported(forge: Forge, tree: Tree) -> None:
-    root = tree(
+def test_sources_that_changed_since_the_build_are_reported(forge: Forge, tree: Tree, built: Tree) -> None:
+    root = built(
         {
             **cmake_package("below", GOOD),
             **cmake_package("above", GOOD, needs="<depend>below</depend>"),
             **python_package("p", PYTEST.format(name="p"), pytest=True),
         }
     )
-    assert forge("build", cwd=root).code == 0
     assert "changed since its last build" not in forge("test", "--packages-select", "above", cwd=root).err
     tree({"src/below/CMakeLists.txt": (root / "src/below/CMakeLists.txt").read_text() + "\n"})
     tree({"src/below/new.txt": "", "src/p/p/__init__.py": "VALUE = 1 # edited\n"})

@@ -41,8 +41,8 @@ TESTS = (
 
 
 @pytest.fixture
-def root(forge: Forge, tree: Tree) -> Path:
-    root = tree(
+def root(built: Tree) -> Path:
+    root = built(
         {
             **cmake_package("p", *TESTS),
             "src/p/gtest.sh": GTEST,
@@ -50,7 +50,6 @@ def root(forge: Forge, tree: Tree) -> Path:
             **python_package("u", UNITTEST.format(name="u"), pytest=False),
         }
     )
-    assert forge("build", cwd=root).code == 0
     return root
 
 

@@ -41,10 +41,9 @@ def domains(root: Path) -> dict[str, list[str]]:
     return {line.split()[0]: line.split()[1:] for line in lines}
 
 
-def test_tests_of_a_package_run_together_within_the_job_limit(forge: Forge, tree: Tree) -> None:
+def test_tests_of_a_package_run_together_within_the_job_limit(forge: Forge, built: Tree) -> None:
     own = 'set_tests_properties(t3 PROPERTIES ENVIRONMENT "ROS_DOMAIN_ID=77;X=1")'
-    root = tree(package(4, 2, own))
-    assert forge("build", cwd=root).code == 0
+    root = built(package(4, 2, own))
     ran = forge("test", "-j2", cwd=root)
     assert "4 tests, 0 errors, 0 failures, 0 skipped" in ran.out, ran.out
     found = domains(root)
@@ -55,24 +54,22 @@ def test_tests_of_a_package_run_together_within_the_job_limit(forge: Forge, tree
     assert "4 tests, 0 errors" in forge("test-result", cwd=root).out
 
 
-def test_sequential_tests_share_the_domain_of_their_package(forge: Forge, tree: Tree) -> None:
-    root = tree(package(3, 1))
-    assert forge("build", cwd=root).code == 0
+def test_sequential_tests_share_the_domain_of_their_package(forge: Forge, built: Tree) -> None:
+    root = built(package(3, 1))
     for words in (("-j1",), ("-j2", "--test-jobs", "1"), ("-j2", "--ctest-args", "-j1")):
         (root / "build/p/domains").unlink(missing_ok=True)
         assert "3 tests, 0 errors, 0 failures" in forge("test", *words, cwd=root).out
         assert len({domain for domain, _ in domains(root).values()}) == 1
 
 
-def test_a_domain_set_by_the_user_is_kept_and_tests_run_sequentially(forge: Forge, tree: Tree) -> None:
+def test_a_domain_set_by_the_user_is_kept_and_tests_run_sequentially(forge: Forge, built: Tree) -> None:
     env = {"ROS_DOMAIN_ID": "42", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
-    root = tree(package(3, 1))
-    assert forge("build", cwd=root).code == 0
+    root = built(package(3, 1))
     assert "3 tests, 0 errors, 0 failures" in forge("test", "-j2", cwd=root, env=env).out
     assert domains(root) == {str(number): ["42", "SUBNET"] for number in range(3)}
 
 
-def test_ctest_sees_the_same_tests_as_without_forge(forge: Forge, tree: Tree) -> None:
+def test_ctest_sees_the_same_tests_as_without_forge(forge: Forge, built: Tree) -> None:
     tests = r"""
 add_test(NAME quotes COMMAND sh -c "test \"\$1\" = 'a\;b\${c}\\'" sh "a\;b\${c}\\")
 add_test(NAME lines COMMAND sh -c "
@@ -82,8 +79,7 @@ set_tests_properties(fails PROPERTIES WILL_FAIL TRUE LABELS "a;b" RESOURCE_LOCK 
 add_subdirectory(sub)
 """
     sub = 'add_test(NAME below COMMAND sh -c "test $(basename $PWD) = sub")\n'
-    root = tree({**cmake_package("p", tests), "src/p/sub/CMakeLists.txt": sub})
-    assert forge("build", cwd=root).code == 0
+    root = built({**cmake_package("p", tests), "src/p/sub/CMakeLists.txt": sub})
     results = []
     for words in (("--test-jobs", "1"), ()):
         assert "4 tests, 0 errors, 0 failures" in forge("test", "-j2", *words, cwd=root).out
@@ -94,11 +90,10 @@ add_subdirectory(sub)
 
 
 @pytest.mark.parametrize("pytest_", [True, False])
-def test_python_tests_run_in_one_domain(forge: Forge, tree: Tree, pytest_: bool) -> None:
+def test_python_tests_run_in_one_domain(forge: Forge, built: Tree, pytest_: bool) -> None:
     text = (PYTEST if pytest_ else UNITTEST).replace("import p\n", "import p\n")
     note = "import os\nopen('domain', 'w').write(os.environ['ROS_DOMAIN_ID'])\n"
-    root = tree(python_package("p", note + text.format(name="p"), pytest=pytest_))
-    assert forge("build", cwd=root).code == 0
+    root = built(python_package("p", note + text.format(name="p"), pytest=pytest_))
     assert "failure" in forge("test", cwd=root).out
     assert 1 <= int((root / "src/p/domain").read_text(encoding="utf-8")) <= 100
 

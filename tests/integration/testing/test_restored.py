@@ -139,9 +139,8 @@ def test_tests_that_cannot_run_are_counted(forge: Forge, tree: Tree) -> None:
     assert not (root / "build/p/test_results/p/not_run.xml").exists()
 
 
-def test_a_test_run_without_tests_is_reported(forge: Forge, tree: Tree) -> None:
-    root = tree(cmake_package("p"))
-    assert forge("build", cwd=root).code == 0
+def test_a_test_run_without_tests_is_reported(forge: Forge, tree: Tree, built: Tree) -> None:
+    root = built(cmake_package("p"))
     ran = forge("test", cwd=root)
     assert ran.code == 0
     assert "  no test ran\n" in ran.out

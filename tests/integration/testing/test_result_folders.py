@@ -14,15 +14,14 @@ JUNIT = '<testsuites><testsuite tests="1"><testcase classname="{}.test.x" name="
 
 
 @pytest.fixture
-def workspace(forge: Forge, tree: Tree) -> Path:
+def workspace(built: Tree) -> Path:
     """Return a built workspace with tests of three frameworks."""
     packages = {
         **cmake_package("c", GOOD),
         **python_package("p", PASSES, pytest=True),
         **python_package("u", PASSES, pytest=False),
     }
-    root = tree(packages)
-    assert forge("build", cwd=root).code == 0
+    root = built(packages)
     return root
 
 

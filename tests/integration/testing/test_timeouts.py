@@ -33,11 +33,10 @@ def has_child(folder: Path) -> bool:
 
 @pytest.mark.parametrize("runner", ["pytest", "unittest"])
 def test_a_python_test_run_is_killed_with_its_children_on_timeout(
-    forge: Forge, tree: Tree, runner: str
+    forge: Forge, built: Tree, runner: str
 ) -> None:
     files = python_package("p", HANGS if runner == "pytest" else UNITTEST, pytest=runner == "pytest")
-    root = tree({**files, "src/p/tests/hangs.py": HANGS})
-    assert forge("build", cwd=root).code == 0
+    root = built({**files, "src/p/tests/hangs.py": HANGS})
     ran = forge("test", "--test-timeout", "2", "--return-code-on-test-failure", cwd=root)
     assert ran.code == 1
     assert f"{runner} exited without writing a result, or took longer than 2 s" in ran.out
@@ -47,11 +46,10 @@ def test_a_python_test_run_is_killed_with_its_children_on_timeout(
 
 
 @pytest.mark.needs("cmake")
-def test_a_ctest_timeout_leaves_no_processes(forge: Forge, tree: Tree) -> None:
+def test_a_ctest_timeout_leaves_no_processes(forge: Forge, built: Tree) -> None:
     hangs = "add_test(NAME hangs COMMAND sh ${CMAKE_SOURCE_DIR}/hangs.sh)"
     files = cmake_package("p", hangs, "add_test(NAME good COMMAND true)")
-    root = tree({**files, "src/p/hangs.sh": "trap : TERM\nsleep 600 &\necho $! > children\nwait\nwait\n"})
-    assert forge("build", cwd=root).code == 0
+    root = built({**files, "src/p/hangs.sh": "trap : TERM\nsleep 600 &\necho $! > children\nwait\nwait\n"})
     ran = forge("test", "--test-timeout", "1", cwd=root)
     assert "2 tests, 0 errors, 1 failure" in ran.out
     assert "  p: hangs\n      Timeout\n" in ran.out
@@ -59,9 +57,8 @@ def test_a_ctest_timeout_leaves_no_processes(forge: Forge, tree: Tree) -> None:
 
 
 @pytest.mark.needs("cmake")
-def test_processes_left_by_a_test_are_stopped(forge: Forge, tree: Tree) -> None:
+def test_processes_left_by_a_test_are_stopped(forge: Forge, built: Tree) -> None:
     leaves = 'sh -c "sleep 600 > /dev/null 2>&1 & echo \\$! > children"'
-    root = tree(cmake_package("p", f"add_test(NAME leaves COMMAND {leaves})"))
-    assert forge("build", cwd=root).code == 0
+    root = built(cmake_package("p", f"add_test(NAME leaves COMMAND {leaves})"))
     assert "1 test, 0 errors, 0 failures" in forge("test", cwd=root).out
     assert not has_child(root / "build/p")

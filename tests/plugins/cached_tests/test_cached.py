@@ -285,9 +285,8 @@ def test_nondeterministic_tests_are_not_recorded(forge: Forge, tree: Tree) -> No
         assert NOT_RECORDED[kind][1] in found[name]
 
 
-def test_failures_and_skipped_tests_are_never_cached(forge: Forge, tree: Tree) -> None:
-    root = tree(python("p", "import pytest\n@pytest.mark.skip\ndef test_a(): pass\n"))
-    assert forge("build", cwd=root).code == 0
+def test_failures_and_skipped_tests_are_never_cached(forge: Forge, built: Tree) -> None:
+    root = built(python("p", "import pytest\n@pytest.mark.skip\ndef test_a(): pass\n"))
     run(forge, root)
     assert why(run(forge, root)) == "tests ran: the last run cannot be replayed: no test ran"
     test = root / "src/p/tests/test_p.py"
@@ -344,12 +343,11 @@ def test_runner_state_of_earlier_runs_is_discarded(forge: Forge, tree: Tree) -> 
     assert "  2 tests, 0 errors, 0 failures" in run(forge, root).out
 
 
-def test_unittest_packages_are_cached_with_their_dependencies(forge: Forge, tree: Tree) -> None:
+def test_unittest_packages_are_cached_with_their_dependencies(forge: Forge, built: Tree) -> None:
     test = "import unittest\nimport q\nclass A(unittest.TestCase):\n    def test_a(self): assert q.VALUE\n"
     files = {**python_package("p", test, pytest=False), **python_package("q", "", pytest=False)}
     depends = manifest_text("p", "<depend>q</depend>", build_type="ament_python")
-    root = tree({**files, "src/p/package.xml": depends})
-    assert forge("build", cwd=root).code == 0
+    root = built({**files, "src/p/package.xml": depends})
     select = ("--packages-select", "p")
     run(forge, root, *select)
     assert why(run(forge, root, *select)) == "cached"
@@ -422,19 +420,17 @@ def test_ament_cmake_packages_are_cached_with_another_result_folder(
     assert tested()[0] == "with test failures"
 
 
-def test_a_timeout_is_not_a_pass(forge: Forge, tree: Tree) -> None:
+def test_a_timeout_is_not_a_pass(forge: Forge, built: Tree) -> None:
     slow = (
         "add_test(NAME a COMMAND ${CMAKE_COMMAND} -E sleep 5)\nset_tests_properties(a PROPERTIES TIMEOUT 0.2)"
     )
-    root = tree(cmake_package("c", slow, "add_test(NAME b COMMAND ${CMAKE_COMMAND} -E true)"))
-    assert forge("build", cwd=root).code == 0
+    root = built(cmake_package("c", slow, "add_test(NAME b COMMAND ${CMAKE_COMMAND} -E true)"))
     for _ in range(2):
         assert why(run(forge, root)) == "with test failures"
 
 
-def test_an_edit_during_a_test_run_is_detected(forge: Forge, tree: Tree) -> None:
-    root = tree(python("p", CODE + "\n\ndef test_wait():\n    import time; time.sleep(1)\n"))
-    assert forge("build", cwd=root).code == 0
+def test_an_edit_during_a_test_run_is_detected(forge: Forge, built: Tree) -> None:
+    root = built(python("p", CODE + "\n\ndef test_wait():\n    import time; time.sleep(1)\n"))
     data = root / "src/p/tests/data/number.txt"
     late = subprocess.Popen(["sh", "-c", f"sleep 0.9; echo 2 > '{data}'"])
     began = time.monotonic()
@@ -444,9 +440,8 @@ def test_an_edit_during_a_test_run_is_detected(forge: Forge, tree: Tree) -> None
     assert "with test failures" in run(forge, root).out
 
 
-def test_tests_are_observed_only_on_request(forge: Forge, tree: Tree) -> None:
-    root = tree(python("p", "import os\ndef test_a(): assert 'FORGE_OBSERVER_LOG' not in os.environ\n"))
-    assert forge("build", cwd=root).code == 0
+def test_tests_are_observed_only_on_request(forge: Forge, built: Tree) -> None:
+    root = built(python("p", "import os\ndef test_a(): assert 'FORGE_OBSERVER_LOG' not in os.environ\n"))
     assert "0 failures" in forge("test", cwd=root, env=PLAIN).out
 
 

@@ -7,19 +7,13 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Forge, Tree
-from tests.packages import manifest_text
+from tests.packages import manifest_text, manifests, write_files
 from tests.selection import CHAIN, names
 
 
 @pytest.fixture
 def root(tree: Tree) -> Path:
     return tree(CHAIN)
-
-
-def write(root: Path, files: dict[str, str]) -> None:
-    for path, text in files.items():
-        (root / path).parent.mkdir(parents=True, exist_ok=True)
-        (root / path).write_text(text)
 
 
 def git(root: Path, *argv: str) -> str:
@@ -30,7 +24,7 @@ def git(root: Path, *argv: str) -> str:
 
 def commit(root: Path, files: dict[str, str] | None = None) -> str:
     """Write files, commit everything, and return the commit."""
-    write(root, files or {})
+    write_files(root, files or {})
     if not (root / ".git").exists():
         git(root, "init")
     git(root, "add", ".")
@@ -38,33 +32,29 @@ def commit(root: Path, files: dict[str, str] | None = None) -> str:
     return git(root, "rev-parse", "HEAD")
 
 
+def changed(forge: Forge, root: Path, *argv: str) -> str:
+    return names(forge, root, "--packages-select-changed", *argv)
+
+
 @pytest.mark.needs("git")
 def test_packages_with_changed_files_are_selected(forge: Forge, root: Path) -> None:
-    (root / "src/b/old.txt").write_text("x")
-    (root / ".gitignore").write_text("ignored\n")
-    git(root, "init")
-    git(root, "add", ".")
-    git(root, "commit", "-m", "one")
-    assert names(forge, root, "--packages-select-changed") == ""
-    (root / "src/a/new.txt").write_text("x")
-    (root / "src/d/ignored").write_text("x")
-    assert names(forge, root, "--packages-select-changed") == "a"
+    commit(root, {"src/b/old.txt": "x", ".gitignore": "ignored\n"})
+    assert changed(forge, root) == ""
+    write_files(root, {"src/a/new.txt": "x", "src/d/ignored": "x"})
+    assert changed(forge, root) == "a"
     assert names(forge, root, "--packages-above-changed") == "a b c"
-    git(root, "add", ".")
-    git(root, "commit", "-m", "two")
+    commit(root)
     (root / "src/b/old.txt").unlink()
-    assert names(forge, root, "--packages-select-changed") == "b"
-    assert names(forge, root, "--packages-select-changed", "--since", "HEAD~1") == "a b"
+    assert changed(forge, root) == "b"
+    assert changed(forge, root, "--since", "HEAD~1") == "a b"
 
 
 @pytest.mark.needs("git")
 def test_nested_repositories_are_compared_separately(forge: Forge, root: Path) -> None:
     for name in ("a", "b"):
-        git(root / "src" / name, "init")
-        git(root / "src" / name, "add", ".")
-        git(root / "src" / name, "commit", "-m", "one")
-    (root / "src/b/new.txt").write_text("x")
-    assert names(forge, root, "--packages-select-changed", "--packages-skip", "c", "d") == "b"
+        commit(root / "src" / name)
+    write_files(root, {"src/b/new.txt": "x"})
+    assert changed(forge, root, "--packages-skip", "c", "d") == "b"
     ran = forge("list", "--packages-select-changed", "--since", "nowhere", cwd=root)
     assert ran.code == 2
     assert "git cannot determine changes since 'nowhere'" in ran.err
@@ -72,9 +62,7 @@ def test_nested_repositories_are_compared_separately(forge: Forge, root: Path) -
 
 @pytest.mark.needs("git")
 def test_packages_outside_any_repository_are_reported(forge: Forge, root: Path) -> None:
-    git(root / "src/a", "init")
-    git(root / "src/a", "add", ".")
-    git(root / "src/a", "commit", "-m", "one")
+    commit(root / "src/a")
     ran = forge("list", "-n", "--packages-select-changed", cwd=root)
     assert (ran.code, ran.out) == (0, "b\nc\nd\n")
     warning = "'b', 'c', 'd' are in no git repository and always count as changed"
@@ -91,22 +79,18 @@ def test_no_packages_are_selected_without_a_repository(forge: Forge, root: Path,
 
 
 def test_changed_packages_need_git(forge: Forge, root: Path) -> None:
-    write(root, {".git/HEAD": "ref: refs/heads/main\n"})
+    write_files(root, {".git/HEAD": "ref: refs/heads/main\n"})
     ran = forge("list", "--packages-select-changed", cwd=root, env={"PATH": ""})
     assert (ran.code, ran.err) == (2, "error: cannot determine changed files: git is not installed\n")
-
-
-def changed(forge: Forge, root: Path, *argv: str) -> str:
-    return names(forge, root, "--packages-select-changed", *argv)
 
 
 @pytest.fixture
 def project(tree: Tree) -> Path:
     """Return a superproject with package own, and pa, pb, pc in the submodule src/up, three commits each."""
-    up = tree({f"up/{name}/package.xml": manifest_text(name) for name in ("pa", "pb", "pc")}) / "up"
+    up = tree(manifests("up/pa", "up/pb", "up/pc")) / "up"
     commit(up)
     root = up.with_name("ws")
-    commit(root, {"src/own/package.xml": manifest_text("own")})
+    commit(root, manifests("src/own"))
     git(root, "submodule", "add", str(up), "src/up")
     commit(root)
     for name in ("pa", "pb"):
@@ -120,7 +104,7 @@ def test_submodules_are_compared_with_the_commit_in_the_superproject(forge: Forg
     commit(project)
     assert changed(forge, project) == ""
     assert changed(forge, project, "--since", "HEAD~1") == "pa pb"
-    write(project, {"src/up/pc/untracked.txt": "x"})
+    write_files(project, {"src/up/pc/untracked.txt": "x"})
     assert changed(forge, project) == "pc"
     # Names that exist in the submodule too.
     git(project / "src/up", "tag", "v1")
@@ -144,7 +128,7 @@ def test_nested_submodules_are_compared_with_the_commits_in_their_superprojects(
     git(outer / "ws", "submodule", "update", "--init")
     commit(outer)
     assert changed(forge, outer) == ""
-    write(outer, {"ws/src/up/pc/new.txt": "x"})
+    write_files(outer, {"ws/src/up/pc/new.txt": "x"})
     assert changed(forge, outer, "--base-paths", ".", "ws/src") == "outer pc"
 
 
@@ -170,11 +154,11 @@ def test_a_package_that_contains_a_submodule_changes_with_it(forge: Forge, tree:
     library = tree({"library/x.c": "int x;\n"}) / "library"
     commit(library)
     root = library.with_name("ws")
-    commit(root, {"src/a/package.xml": manifest_text("a"), "src/b/package.xml": manifest_text("b")})
+    commit(root, manifests("src/a", "src/b"))
     git(root, "submodule", "add", str(library), "src/a/library")
     commit(root)
     assert changed(forge, root) == ""
-    write(root, {"src/a/library/x.c": "int y;\n"})
+    write_files(root, {"src/a/library/x.c": "int y;\n"})
     assert changed(forge, root) == "a"
     commit(root / "src/a/library")
     assert changed(forge, root) == "a"
@@ -245,7 +229,7 @@ def test_git_variables_of_a_hook_are_ignored(
     forge: Forge, root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     commit(root)
-    write(root, {"src/a/new.txt": "x"})
+    write_files(root, {"src/a/new.txt": "x"})
     commit(root.with_name("other"), {"x": ""})
     monkeypatch.setenv("GIT_DIR", str(root.with_name("other") / ".git"))
     monkeypatch.setenv("GIT_INDEX_FILE", "index.lock")
@@ -261,8 +245,7 @@ def test_a_repository_of_another_user_is_reported_with_the_remedy(
     monkeypatch.setenv("GIT_TEST_ASSUME_DIFFERENT_OWNER", "1")
     bin_ = root.with_name("bin")
     real = subprocess.run(["which", "git"], check=True, capture_output=True, text=True).stdout.strip()
-    write(bin_, {"git": f'#!/bin/sh\nGIT_TEST_ASSUME_DIFFERENT_OWNER=1 exec {real} "$@"\n'})
-    (bin_ / "git").chmod(0o755)
+    write_files(bin_, {"git": f'#!/bin/sh\nGIT_TEST_ASSUME_DIFFERENT_OWNER=1 exec {real} "$@"\n'})
     ran = forge("list", "--packages-select-changed", cwd=root, env={"PATH": str(bin_)})
     assert ran.code == 2
     assert "another user owns the repository" in ran.err
@@ -298,7 +281,7 @@ def test_contents_changed_with_equal_size_and_time_are_detected(
 
 @pytest.mark.needs("git")
 def test_modes_links_and_deleted_files_are_changes(forge: Forge, root: Path) -> None:
-    write(root, {"src/a/run": "x", "src/c/gone": "x"})
+    write_files(root, {"src/a/run": "x", "src/c/gone": "x"})
     (root / "src/b/link").symlink_to("one")
     commit(root)
     assert changed(forge, root) == ""
@@ -337,7 +320,7 @@ def test_a_changed_package_behind_a_link_is_selected(forge: Forge, tree: Tree) -
 def test_worktrees_are_repositories(forge: Forge, root: Path) -> None:
     commit(root)
     git(root, "worktree", "add", "-q", str(root.with_name("tree")), "-b", "other")
-    write(root.with_name("tree"), {"src/c/new": "x"})
+    write_files(root.with_name("tree"), {"src/c/new": "x"})
     assert changed(forge, root.with_name("tree")) == "c"
     assert changed(forge, root) == ""
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from forge.workspace.discovery import discover, special_files
 from forge.workspace.model import RUN_KINDS
 from tests.conftest import Tree
-from tests.packages import manifest_text
+from tests.packages import manifest_text, manifests
 
 
 def found(root: Path, *base_paths: str) -> dict[str, str]:
@@ -16,30 +16,14 @@ def found(root: Path, *base_paths: str) -> dict[str, str]:
 
 
 def test_packages_are_found_in_folders_but_not_inside_other_packages(tree: Tree) -> None:
-    root = tree(
-        {
-            "src/a/package.xml": manifest_text("a"),
-            "src/a/inner/package.xml": manifest_text("inner"),
-            "src/deep/er/b/package.xml": manifest_text("b"),
-            "src/.hidden/package.xml": manifest_text("hidden"),
-        }
-    )
+    root = tree(manifests("src/a", "src/a/inner", "src/deep/er/b", "src/.hidden"))
     assert found(root) == {"a": "src/a", "b": "src/deep/er/b"}
     assert found(root, "src/deep", "src/a") == {"b": "src/deep/er/b", "a": "src/a"}
 
 
 def test_ignore_files_hide_a_folder_and_its_subfolders(tree: Tree) -> None:
-    root = tree(
-        {
-            "a/package.xml": manifest_text("a"),
-            "b/COLCON_IGNORE": "",
-            "b/package.xml": manifest_text("b"),
-            "c/AMENT_IGNORE": "",
-            "c/d/package.xml": manifest_text("d"),
-            "e/_setup_util.py": "",
-            "e/f/package.xml": manifest_text("f"),
-        }
-    )
+    marks = dict.fromkeys(("b/COLCON_IGNORE", "c/AMENT_IGNORE", "e/_setup_util.py"), "")
+    root = tree({**manifests("a", "b", "c/d", "e/f"), **marks})
     assert found(root) == {"a": "a"}
 
 
@@ -53,7 +37,7 @@ INSTALLED = (
 
 def test_installed_packages_are_not_discovered(tree: Tree) -> None:
     installed = {f"src/{name}": manifest_text("a") for name in INSTALLED}
-    root = tree({"src/a/package.xml": manifest_text("a"), **installed})
+    root = tree({**manifests("src/a"), **installed})
     workspace = discover(root, ["."], {})
     assert (workspace.problems, workspace.duplicates) == ((), ())
     assert found(root) == {"a": "src/a"}
@@ -62,13 +46,7 @@ def test_installed_packages_are_not_discovered(tree: Tree) -> None:
 
 
 def test_virtual_environments_at_the_root_hide_no_packages(tree: Tree) -> None:
-    root = tree(
-        {
-            "pyvenv.cfg": "",
-            "src/a/package.xml": manifest_text("a"),
-            "lib/python3.11/site-packages/x/package.xml": manifest_text("a"),
-        }
-    )
+    root = tree({"pyvenv.cfg": "", **manifests("src/a", "lib/python3.11/site-packages/a")})
     assert found(root) == {"a": "src/a"}
 
 
@@ -82,7 +60,7 @@ def test_named_pipes_in_virtual_environments_are_not_opened(tree: Tree) -> None:
 
 
 def test_symlink_loops_are_detected_and_each_folder_is_visited_once(tree: Tree) -> None:
-    root = tree({"src/a/package.xml": manifest_text("a")})
+    root = tree(manifests("src/a"))
     (root / "src" / "loop").symlink_to(root)
     (root / "src" / "again").symlink_to(root / "src" / "a")
     (root / "src" / "broken").symlink_to(root / "nowhere")
@@ -119,19 +97,9 @@ def test_a_group_dependency_is_a_dependency_on_its_members(tree: Tree) -> None:
 
 
 def test_actions_and_services_are_detected(tree: Tree) -> None:
-    root = tree(
-        {
-            "a/package.xml": manifest_text("a"),
-            "a/action/Go.action": "---\n---\n",
-            "b/package.xml": manifest_text("b"),
-            "b/srv/Go.srv": "---\n",
-            "b/action/README.md": "",
-            "c/package.xml": manifest_text("c"),
-            "c/msg/Go.idl": "",
-            "c/action/Go.idl": "",
-            "c/srv/Go.idl": "",
-        }
-    )
+    files = ["a/action/Go.action", "b/srv/Go.srv", "b/action/README.md"]
+    files += ("c/msg/Go.idl", "c/action/Go.idl", "c/srv/Go.idl")
+    root = tree({**manifests("a", "b", "c"), **dict.fromkeys(files, "")})
     found = discover(root, ["."], {}).packages
     assert (found["a"].has_actions, found["a"].has_services) == (True, False)
     assert (found["b"].has_actions, found["b"].has_services) == (False, True)
