@@ -85,8 +85,9 @@ class Tally:
 
 @frozen
 class PackageFailure:
-    """The first error of a failed package, a hint, and a command that repeats the failed step."""
+    """The exit code and first error of a failed package, a command that repeats its step, and a hint."""
 
+    code: int
     error: FirstError | None
     repeat: str | None
     hint: str | None = None
@@ -446,7 +447,7 @@ class ConsoleReporter:
         error = first_error(text.split("\n"), package.path.as_posix())
         repeat = step_line(event.step, environment_file(self._tasks[task])) if event.step else None
         hint = hint_of(text, failure_context(package, self.packages, **self.surroundings))
-        self._failed[task] = PackageFailure(error, repeat, hint)
+        self._failed[task] = PackageFailure(event.code, error, repeat, hint)
         palette = self.screen.palette(stderr=True)
         seconds = f"{duration(event.seconds)}, exited with code {event.code}"
         lines = [f"{palette.paint('failure', 'Failed  ')} <<< {self._label(task, stderr=True)} [{seconds}]"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,16 @@ PROFILES: Mapping[str, dict[str, Any]] = {
 def read_forge_toml(root: Path) -> dict[str, Any]:
     """Return the contents of a workspace's forge.toml; raises WorkspaceError if it is malformed."""
     path = root / FORGE_TOML
-    return read_toml(read_file(path), path) if path.exists() else {}
+    if not path.exists():
+        return {}
+    status = path.stat()
+    return _content(path, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+
+
+@lru_cache(maxsize=1)
+def _content(path: Path, *_state_of_file: int) -> dict[str, Any]:
+    """Return the contents of a file; cached, because several stages of a command read the same file."""
+    return read_toml(read_file(path), path)
 
 
 def table_of(content: Mapping[str, Any], key: str, path: Path) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -22,7 +21,6 @@ from forge.base.errors import (
     raise_if_any,
 )
 from forge.base.extensions import OPTIONS, find
-from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.layout import OWN_CACHE_DIR, TEST_FILE_TABLE
 from forge.base.options import flag, option, options_of
@@ -31,7 +29,7 @@ from forge.build.events import Aborted, Event, Finished, StepFinished
 from forge.build.folder_marks import create_output_folders, mark_layout
 from forge.build.inputs.fingerprints import FileTable
 from forge.build.journal import open_journal
-from forge.build.tasks import TEST_FAILURES, BuildPlan, Task
+from forge.build.tasks import TEST_FAILURES, BuildPlan, StepKind, Task
 from forge.build.tests.options import TestOptions
 from forge.build.tests.recipes import ChosenTests, TestContext
 from forge.cli.options import FolderOptions, OptionSources
@@ -53,13 +51,10 @@ from forge.testing.preparing import RestoredSetup, has_no_tests, not_runnable, p
 from forge.workspace.load import LoadedWorkspace, load_workspace
 from forge.workspace.selection import Query
 
-_UNKNOWN_NAME = re.compile(
-    r"^ERROR: (?:(?:file or directory )?not found: "
-    r"|(?P<name>\S+) \(unittest\.loader\._FailedTest.*\n-+\n"
-    r"AttributeError: .* has no attribute '(?P=name)'$)",
-    re.MULTILINE,
-)
-"""What pytest prints before it fails without running any test, and unittest for a test without that name."""
+_USAGE_ERROR = 4
+"""pytest's exit code if it finds no test of a name on its command line; then it runs none."""
+_NOT_LOADED = "unittest.loader._FailedTest"
+"""The class of the test that unittest runs in place of one that it cannot load."""
 
 
 @frozen
@@ -322,10 +317,14 @@ def _report_results(
 
 
 def _found_none(name: str, plan: BuildPlan, setup: running.TestSetup, session: Session) -> bool:
-    """Return whether a package has no test of the chosen names, as its results or pytest say."""
-    counts = running.total_counts([plan.tasks[name]], setup)
-    log = session.log.folder and session.log.folder / name / "stdout_stderr.log"
-    unknown = _UNKNOWN_NAME.search(text_or_nothing(log)) if log else None
-    if unknown and (unknown["name"] or name in session.report.tally.failed):
-        return True
-    return not (counts and counts.tests)
+    """Return whether a package has no test of the chosen names, according to its runner and its results."""
+    task, fault = plan.tasks[name], session.report.fault(name)
+    outcomes = setup.results_of(task)
+    if fault and fault.code == _USAGE_ERROR and task.steps[-1].kind is StepKind.PYTEST:
+        # After other errors, such as a failed import of conftest.py, pytest writes no results.
+        own = setup.context.not_run(name)
+        return not any(one.counts.tests for one in outcomes if one.path != str(own))
+    counts = running.total_counts([task], setup)
+    cases = [case for one in outcomes for case in one.cases if case.suite == _NOT_LOADED]
+    missing = any(f"has no attribute '{case.name}'" in case.text for case in cases)
+    return missing or not (counts and counts.tests)
