@@ -1,13 +1,7 @@
 """Errors and warnings for users, with position, message and hint.
 
-    ForgeError            everything below; the command line shows its problems and exits with 2
-      WorkspaceError      the workspace, a manifest or an existing install does not allow the command
-      SelectionError      the command line names packages that cannot be selected
-      InterfaceError      an interface definition is wrong
-      HostError           the machine lacks something: a compiler, CMake, numpy, a writable folder
-
-`problem_from_oserror` converts the OSErrors that are also for users. Any other exception is a bug in forge
-and is reported as such.
+The command line shows the problems of a ForgeError and exits with 2. `problem_from_oserror` converts the
+OSErrors that are also for users. Any other exception is a bug in forge and is reported as such.
 """
 
 from __future__ import annotations
@@ -157,7 +151,7 @@ class InterfaceError(ForgeError):
 
 
 class HostError(ForgeError):
-    """The machine lacks something the command needs."""
+    """The machine lacks something: a compiler, CMake, numpy, a writable folder."""
 
 
 class NotRegularFileError(OSError):

@@ -92,10 +92,6 @@ class PackageFailure:
     repeat: str | None
     hint: str | None = None
 
-    @property
-    def lines(self) -> tuple[str, ...]:
-        return self.error.lines if self.error else ()
-
 
 _COMMAND = re.compile(rb"\[\d+/\d+\] ")
 _WARNING = re.compile(rb":(?: |\x1b\[[\d;]*[mK])*warning: ")
@@ -239,35 +235,26 @@ class ConsoleReporter:
         self._repeated = RepeatedWarnings()
         self._configured: set[str] = set()
         self._listed = False
-        self._failed: dict[str, PackageFailure] = {}
+        self.failures: dict[str, PackageFailure] = {}
+        """The failed packages."""
         # The names of the tally, by field.
         self._names: defaultdict[str, set[str]] = defaultdict(set)
         self._names["unchanged"].update(name for name in plan.fresh if not self._embedded(name))
-
-    @property
-    def failed_tests(self) -> frozenset[str]:
+        self.failed_tests = self._names["test_failures"]
         """The packages with failed tests, although their test programs ran successfully."""
-        return frozenset(self._names["test_failures"])
-
-    def note_test_failures(self, task: str) -> None:
-        """Add a package with failed tests that its test program did not report."""
-        self._names["test_failures"].add(task)
 
     @property
     def exit_code(self) -> int:
         """0, 1 if a package failed, 2 if all failures are errors in interface definitions."""
-        if not self._failed:
+        if not self.failures:
             return 0
-        errors = [fault.error for fault in self._failed.values()]
+        errors = [failure.error for failure in self.failures.values()]
         return 2 if all(error and error.interface for error in errors) else 1
 
     @property
     def tally(self) -> Tally:
         names = {field: tuple(sorted(names)) for field, names in self._names.items()}
-        return Tally(**names, failed=tuple(sorted(self._failed)), not_tested=self.not_tested)
-
-    def fault(self, task: str) -> PackageFailure | None:
-        return self._failed.get(task)
+        return Tally(**names, failed=tuple(sorted(self.failures)), not_tested=self.not_tested)
 
     def show(self, event: Event) -> None:
         match event:
@@ -303,8 +290,7 @@ class ConsoleReporter:
                     self._warnings[package].end_step()
                 # Only the last result of a repeated step counts.
                 failed = event.step.meaning(event.code) == TEST_FAILURES
-                names = self._names["test_failures"]
-                (names.add if failed else names.discard)(package)
+                (self.failed_tests.add if failed else self.failed_tests.discard)(package)
             case StepStarted():
                 pass
 
@@ -425,7 +411,7 @@ class ConsoleReporter:
         self._names["embedded" if self._embedded(task) else "finished"].add(task)
         self._output.pop(task, None)
         failures = self.screen.palette().paint("failure", TEST_FAILURES)
-        remark = f"\t[ with {failures} ]" if task in self._names["test_failures"] else ""
+        remark = f"\t[ with {failures} ]" if task in self.failed_tests else ""
         if event.cache == RESTORED:
             self._names["restored"].add(task)
             remark = f"\t[ {RESTORED} ]"
@@ -447,7 +433,7 @@ class ConsoleReporter:
         error = first_error(text.split("\n"), package.path.as_posix())
         repeat = step_line(event.step, environment_file(self._tasks[task])) if event.step else None
         hint = hint_of(text, failure_context(package, self.packages, **self.surroundings))
-        self._failed[task] = PackageFailure(event.code, error, repeat, hint)
+        self.failures[task] = PackageFailure(event.code, error, repeat, hint)
         palette = self.screen.palette(stderr=True)
         seconds = f"{duration(event.seconds)}, exited with code {event.code}"
         lines = [f"{palette.paint('failure', 'Failed  ')} <<< {self._label(task, stderr=True)} [{seconds}]"]

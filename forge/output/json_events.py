@@ -96,12 +96,13 @@ class JsonEvents:
                 }
                 if event.cache:
                     values["cache"] = event.cache
-                if fault := report.fault(name):
+                if failure := report.failures.get(name):
+                    error = failure.error.lines if failure.error else ()
                     values |= {
                         "step": event.step.label if event.step else None,
-                        "error": [why.message] if why else list(fault.lines),
-                        "hint": why.hint if why else fault.hint,
-                        "repeat": fault.repeat,
+                        "error": [why.message] if why else error,
+                        "hint": why.hint if why else failure.hint,
+                        "repeat": failure.repeat,
                     }
                 self.emit("Finished", name, **values)
             case Aborted(name, seconds):

@@ -10,7 +10,7 @@ import os
 import re
 import sys
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from contextlib import contextmanager
 from dataclasses import field, replace
 from statistics import mean
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from rich.live import Live
 
     from forge.base.colours import Palette
-    from forge.build.events import Event
     from forge.build.tasks import BuildPlan
 
 

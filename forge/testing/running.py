@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import field, replace
 from pathlib import Path
@@ -198,7 +198,7 @@ class TestSetup(TaskLifecycle):
         return BuildRecord(BuildInputs())
 
 
-def write_result_file(event: Event, task: Task, failed_tests: frozenset[str]) -> None:
+def write_result_file(event: Event, task: Task, failed_tests: Collection[str]) -> None:
     """Write colcon's marker file with the result of a package, which selection options read."""
     match event:
         case Finished(name, code):

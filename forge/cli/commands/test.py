@@ -263,7 +263,7 @@ def _record(event: Event, task: Task, setup: running.TestSetup, session: Session
         elif task.name in setup.failed and not any(one.counts.tests for one in setup.results_of(task)):
             fault = "reported failed tests, but ran no test when repeated"
         if any(outcome.counts.bad for outcome in setup.results_of(task, fault)):
-            session.report.note_test_failures(task.name)
+            session.report.failed_tests.add(task.name)
     running.write_result_file(event, task, session.report.failed_tests)
     if setup.cached and isinstance(event, Finished | Aborted):
         has_failed = task.name in setup.failed | session.report.failed_tests
@@ -318,9 +318,9 @@ def _report_results(
 
 def _found_none(name: str, plan: BuildPlan, setup: running.TestSetup, session: Session) -> bool:
     """Return whether a package has no test of the chosen names, according to its runner and its results."""
-    task, fault = plan.tasks[name], session.report.fault(name)
+    task, failure = plan.tasks[name], session.report.failures.get(name)
     outcomes = setup.results_of(task)
-    if fault and fault.code == _USAGE_ERROR and task.steps[-1].kind is StepKind.PYTEST:
+    if failure and failure.code == _USAGE_ERROR and task.steps[-1].kind is StepKind.PYTEST:
         # After other errors, such as a failed import of conftest.py, pytest writes no results.
         own = setup.context.not_run(name)
         return not any(one.counts.tests for one in outcomes if one.path != str(own))
