@@ -47,3 +47,12 @@ def package(name: str, *depends: str, build_type: str = "ament_cmake", tag: str 
     path = Path("src") / name
     content = manifest_text(name, *lines, build_type=build_type).encode()
     return Package(path, parse_manifest(content, path / "package.xml", ROS_DEFAULTS))
+
+
+def distribution(name: str, group: str, entry: str = "", folder: str = "") -> dict[str, str]:
+    """Return the metadata of a distribution with one entry point, by default NAME = NAME."""
+    info = f"{folder}{name}-1.dist-info"
+    return {
+        f"{info}/METADATA": f"Metadata-Version: 2.1\nName: {name}\nVersion: 1\n",
+        f"{info}/entry_points.txt": f"[{group}]\n{entry or f'{name} = {name}'}\n",
+    }

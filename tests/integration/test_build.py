@@ -263,8 +263,6 @@ def test_event_handlers_of_colcon_are_supported(forge: Forge, workspace: Path) -
     )
     assert "-- Configuring done" in ran.out
     assert "Summary" not in ran.out
-    ran = forge("build", "--event-handlers", "console_drect+", cwd=workspace)
-    assert (ran.code, "did you mean 'console_direct+'?" in ran.err) == (2, True)
 
 
 def test_a_missing_dependency_is_reported_before_cmake_runs(forge: Forge, tree: Tree) -> None:
@@ -397,14 +395,6 @@ def test_missing_git_submodules_are_reported(forge: Forge, tree: Tree) -> None:
     ran = forge("build", cwd=root)
     assert ran.code == 2
     assert "hint: the submodule 'src/up' is not checked out: git submodule update --init src/up" in ran.err
-
-
-def test_an_up_to_date_build_warns_about_removed_packages(forge: Forge, workspace: Path) -> None:
-    assert forge("build", cwd=workspace).code == 0
-    shutil.rmtree(workspace / "src/c")
-    ran = forge("build", cwd=workspace)
-    assert "Starting" not in ran.out
-    assert "'c' is no longer in the workspace" in ran.err
 
 
 def test_packages_still_running_after_a_failure_are_reported(forge: Forge, tree: Tree) -> None:

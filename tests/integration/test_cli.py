@@ -25,12 +25,6 @@ def test_help_names_every_command(forge: Forge) -> None:
     assert all(word in ran.out for word in main.COMMANDS)
 
 
-def test_an_unknown_command_is_an_error(forge: Forge) -> None:
-    ran = forge("xyz")
-    assert ran.code == 2
-    assert "'forge --help' lists all commands" in ran.err
-
-
 @pytest.mark.parametrize(
     ("argv", "jobs", "arguments"),
     [

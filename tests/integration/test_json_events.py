@@ -9,24 +9,10 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Forge, Tree
-from tests.packages import manifest_text
 from tests.snippets import ROOT
 from tests.testable import PYTEST, cmake_package, python_package
 
-CMAKE = """cmake_minimum_required(VERSION 3.18)
-project({name} NONE)
-{more}
-install(FILES package.xml DESTINATION share/{name})
-"""
 FAILS = 'message("this goes to stderr")\nmessage(FATAL_ERROR "no luck")'
-
-
-def plain(name: str, *lines: str, more: str = "") -> dict[str, str]:
-    """Return a plain CMake package."""
-    return {
-        f"src/{name}/package.xml": manifest_text(name, *lines, build_type="cmake"),
-        f"src/{name}/CMakeLists.txt": CMAKE.format(name=name, more=more),
-    }
 
 
 def events_in(text: str) -> list[dict[str, object]]:
@@ -46,7 +32,7 @@ def words(events: list[dict[str, object]], package: str) -> list[object]:
 @pytest.fixture
 def two(tree: Tree) -> Path:
     """Return a workspace in a folder with a space; b depends on a."""
-    files = {**plain("a"), **plain("b", "<depend>a</depend>")}
+    files = {**cmake_package("a"), **cmake_package("b", needs="<depend>a</depend>")}
     return tree({f"my ws/{name}": text for name, text in files.items()}) / "my ws"
 
 
@@ -93,7 +79,7 @@ def test_a_changed_task_is_reported_with_its_reason(forge: Forge, two: Path) -> 
 
 
 def test_a_failure_contains_its_error_and_the_command_to_repeat_it(forge: Forge, tree: Tree) -> None:
-    root = tree({**plain("bad", more=FAILS), **plain("later", "<depend>bad</depend>")})
+    root = tree({**cmake_package("bad", FAILS), **cmake_package("later", needs="<depend>bad</depend>")})
     ran = forge("build", "--json", cwd=root)
     assert ran.code == 1
     events = events_in(ran.out)
@@ -109,7 +95,7 @@ def test_a_failure_contains_its_error_and_the_command_to_repeat_it(forge: Forge,
 
 
 def test_program_output_can_be_included(forge: Forge, tree: Tree) -> None:
-    root = tree(plain("a", more='message(STATUS "a word")'))
+    root = tree(cmake_package("a", 'message(STATUS "a word")'))
     assert "a word" not in forge("build", "--json", "--event-handlers", "console_cohesion+", cwd=root).out
     ran = forge("build", "--json", "--cmake-force-configure", "--event-handlers", "console_direct+", cwd=root)
     (line,) = (e for e in events_in(ran.out) if "a word" in str(e.get("line")))
@@ -151,8 +137,8 @@ def test_test_events_name_failures_and_the_command_to_repeat_them(forge: Forge, 
 
 
 def test_an_interrupted_build_is_reported(tree: Tree) -> None:
-    more = 'execute_process(COMMAND "${CMAKE_COMMAND}" -E sleep 60)'
-    root = tree({**plain("a", more=more), **plain("b", "<depend>a</depend>")})
+    sleep = 'execute_process(COMMAND "${CMAKE_COMMAND}" -E sleep 60)'
+    root = tree({**cmake_package("a", sleep), **cmake_package("b", needs="<depend>a</depend>")})
     argv = [sys.executable, "-m", "forge", "build", "--json"]
     with subprocess.Popen(argv, cwd=root, stdout=subprocess.PIPE, text=True) as running:
         assert running.stdout is not None

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Tree
-from tests.packages import manifest_text, write_files
+from tests.packages import distribution, manifest_text, write_files
 from tests.snippets import ROOT, blocks
 from tests.without_plugins import PLUGINS, copy_without
 
@@ -139,8 +139,7 @@ def has_emulator(layout):
 """
 BOARD = {
     "toolchain/board_toolchain.py": TOOLCHAIN,
-    "toolchain/board-1.dist-info/entry_points.txt": "[forge.toolchains]\nboard = board_toolchain\n",
-    "toolchain/board-1.dist-info/METADATA": "Metadata-Version: 2.1\nName: board\nVersion: 1\n",
+    **distribution("board", "forge.toolchains", "board = board_toolchain", "toolchain/"),
     "toolchain/sdk/version": "1\n",
     "toolchain/sdk/run": "#!/bin/sh\ntouch ran\n",
     "ws/src/blink/package.xml": manifest_text("blink", build_type="cmake"),
@@ -211,12 +210,7 @@ def test_a_remote_cache_without_its_plugin_is_rejected_before_the_build(
 
 def test_a_third_party_remote_cache_stores_and_restores(tree: Tree) -> None:
     code = next(block.text for block in blocks(PAGE) if "def connect" in block.text)
-    files = {
-        "site/shelf.py": code,
-        "site/shelf-1.dist-info/entry_points.txt": "[forge.stores]\nshelf = shelf\n",
-        "site/shelf-1.dist-info/METADATA": "Metadata-Version: 2.1\nName: shelf\nVersion: 1\n",
-    }
-    root = tree(PLAIN | files)
+    root = tree({**PLAIN, "site/shelf.py": code, **distribution("shelf", "forge.stores", folder="site/")})
     for cache, restored in (("one", False), ("two", True)):
         words = ("build", "--cache", f"{root}/{cache}", "--remote-cache", f"shelf://{root}/shelf")
         ran = run_forge(root / "ws", *words, path=root / "site")
@@ -239,14 +233,11 @@ def test_a_verb_of_a_missing_plugin_names_the_install_command(tmp_path: Path) ->
 
 
 def test_a_third_party_verb_is_found(tree: Tree) -> None:
-    entry = "[forge.interfaces.verbs]\ncount = count_interfaces\n"
-    info = "Metadata-Version: 2.1\nName: counting\nVersion: 1\n"
     code = '"""Count interfaces."""\ndef register(parser): parser.add_argument("-x", type=int)\n'
     root = tree(
         {
             "count_interfaces.py": code + "def run(options):\n    return options.x\n",
-            "counting-1.dist-info/entry_points.txt": entry,
-            "counting-1.dist-info/METADATA": info,
+            **distribution("counting", "forge.interfaces.verbs", "count = count_interfaces"),
         }
     )
     assert run_forge(root, "interface", "count", "-x", "7", path=root).returncode == 7
@@ -272,11 +263,8 @@ def test_a_third_party_command_is_installed_from_a_wheel(tmp_path: Path) -> None
 
 def write_reporter(root: Path, code: str) -> None:
     """Write a distribution with the reporter 'slowest'."""
-    info = root / "slowest-1.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: slowest\nVersion: 1\n")
-    (info / "entry_points.txt").write_text("[forge.reporters]\nslowest = forge_slowest\n")
-    (root / "forge_slowest.py").write_text(code)
+    metadata = distribution("slowest", "forge.reporters", "slowest = forge_slowest")
+    write_files(root, {**metadata, "forge_slowest.py": code})
 
 
 def test_a_third_party_reporter_is_an_event_handler(tree: Tree) -> None:
@@ -325,12 +313,8 @@ def test_an_error_in_a_third_party_reporter_has_a_location(code: str, message: s
 
 
 def test_an_error_in_a_third_party_command_has_a_location(tree: Tree) -> None:
-    entry = "[forge.commands]\nbroken = broken\n"
-    info = "Metadata-Version: 2.1\nName: broken\nVersion: 1\n"
     code = "def register(parser): pass\ndef run(options):\n    return 1 / 0\n"
-    root = tree(
-        {"broken.py": code, "broken-1.dist-info/entry_points.txt": entry, "broken-1.dist-info/METADATA": info}
-    )
+    root = tree({"broken.py": code, **distribution("broken", "forge.commands")})
     ran = run_forge(root, "broken", path=root)
     assert ran.returncode == 2
     assert (
@@ -343,9 +327,7 @@ def with_executor(tree: Tree) -> Path:
     """Return a workspace with two distributions beside it: the executor of the page, and a broken one."""
     nice = next(block.text for block in blocks(PAGE) if "class NiceExecutor" in block.text)
     files = {"nice.py": nice, "broken.py": nice.replace("steps = tuple(", "steps = 1 / 0, tuple(")}
-    for name in ("nice", "broken"):
-        files[f"{name}-1.dist-info/entry_points.txt"] = f"[forge.executors]\n{name} = {name}\n"
-        files[f"{name}-1.dist-info/METADATA"] = f"Metadata-Version: 2.1\nName: {name}\nVersion: 1\n"
+    files |= distribution("nice", "forge.executors") | distribution("broken", "forge.executors")
     body = "cmake_minimum_required(VERSION 3.18)\nproject(low NONE)\n"
     body += 'install(CODE "execute_process(COMMAND nice)")\n'
     return tree(

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from tests.conftest import Tree
 from tests.integration.test_plugins import PAGE, run_forge
-from tests.packages import manifest_text
+from tests.packages import distribution, manifest_text
 from tests.snippets import blocks
 
 RECIPE = next(block.text for block in blocks(PAGE) if "def addition" in block.text)
@@ -16,16 +16,13 @@ add_custom_target(show ALL COMMAND sh "${CMAKE_SOURCE_DIR}/show.sh")
 
 def workspace(tree: Tree, recipe: str = RECIPE) -> Path:
     """Make a workspace with one package, and a distribution with a recipe in its root."""
-    manifest = manifest_text("a", build_type="cmake")
-    metadata = "Metadata-Version: 2.1\nName: polite\nVersion: 1\n"
     return tree(
         {
-            "src/a/package.xml": manifest,
+            "src/a/package.xml": manifest_text("a", build_type="cmake"),
             "src/a/CMakeLists.txt": CMAKE,
             "src/a/show.sh": 'echo "$FORGE_GREETING from $(nice)"\n',
             "polite.py": recipe,
-            "polite-1.dist-info/entry_points.txt": "[forge.recipes]\npolite = polite\n",
-            "polite-1.dist-info/METADATA": metadata,
+            **distribution("polite", "forge.recipes"),
         }
     )
 
