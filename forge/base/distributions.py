@@ -116,8 +116,6 @@ def embedded_definitions(folder: Path, rosdistro: str) -> dict[str, Path]:
 def distributions_with(package: str, relative: str = "") -> tuple[str, ...]:
     """Return the distributions in which an embedded package has a definition, or any definition at all."""
     folder = EMBEDDED / package
-    if not folder.is_dir():
-        return ()
     if relative:
         return tuple(name for name in DISTRIBUTIONS if find_definition(folder, name, relative))
     return tuple(name for name in DISTRIBUTIONS if embedded_definitions(folder, name))

@@ -166,12 +166,9 @@ class BuildOptions:
         """Return the reporters of this build; raises ForgeError if one is missing."""
         if not self.has_timings:
             return self.report.reporters()
-        start: Any
-        starts: dict[str, Start] = {}
-        for name, start in self.report.reporters("timings").items():
-            own = {"wanted": self.timings or "", "compared": self._compared} if name == "timings" else {}
-            starts[name] = partial(start, **own)
-        return starts
+        starts = self.report.reporters("timings")
+        start: Any = starts["timings"]
+        return {**starts, "timings": partial(start, wanted=self.timings or "", compared=self._compared)}
 
     @property
     def _compared(self) -> Path | None:

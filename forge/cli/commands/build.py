@@ -188,13 +188,10 @@ def commands(plan: BuildPlan) -> Iterator[str]:
 
 def last_command(layout: Layout, package: str) -> str:
     """Return a command line that repeats the last step of a package; raises SelectionError for none."""
+    file = layout.build_dir(package) / SCRATCH_DIR / LAST_COMMAND
     try:
-        return (
-            (layout.build_dir(package) / SCRATCH_DIR / LAST_COMMAND).read_text(encoding="utf-8").rstrip("\n")
-        )
+        return file.read_text(encoding="utf-8").rstrip("\n")
     except OSError:
-        problem = Problem(
-            f"no step of '{package}' has run in '{layout.build}'",
-            hint=layout.command(f"build --packages-up-to {package}"),
-        )
-        raise SelectionError(problem) from None
+        message = f"no step of '{package}' has run in '{layout.build}'"
+        hint = layout.command(f"build --packages-up-to {package}")
+        raise SelectionError(Problem(message, hint=hint)) from None

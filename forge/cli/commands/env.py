@@ -10,7 +10,7 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from forge.base.errors import Problem, SelectionError
+from forge.base.errors import Problem, SelectionError, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.names import did_you_mean
 from forge.base.options import option
@@ -43,15 +43,12 @@ def run(options: Options) -> int:
     changed = {name: value for name, value in after.items() if before.get(name) != value}
     gone = before.keys() - after.keys()
     if options.names:
-        unknown = [name for name in options.names if name not in after]
-        if unknown:
-            hints = {name: did_you_mean(name, after) for name in unknown}
-            raise SelectionError(
-                *(
-                    Problem(f"variable '{name}' is not set after sourcing", hint=hint)
-                    for name, hint in hints.items()
-                )
-            )
+        unknown = (name for name in options.names if name not in after)
+        problems = (
+            Problem(f"variable '{name}' is not set after sourcing", hint=did_you_mean(name, after))
+            for name in unknown
+        )
+        raise_if_any(problems, SelectionError)
         changed, gone = {name: after[name] for name in options.names}, set()
     elif not changed and not gone and sys.stdout.isatty():
         print("note: this shell has sourced the workspace: nothing changes", file=sys.stderr)

@@ -10,133 +10,89 @@ from forge.output.handlers import HANDLERS
 from tests.conftest import Forge
 
 TOPIC = (
-    "error: unknown command 'topic'\nhint: 'ros2' has it: forge shell -- ros2 topic; "
-    "it is part of a ROS installation, and of the packages that 'forge fetch ros2topic' fetches\n"
+    "'ros2' has it: forge shell -- ros2 topic; it is part of a ROS installation, "
+    "and of the packages that 'forge fetch ros2topic' fetches"
 )
-CD = (
-    "error: unknown command 'cd'\nhint: a program cannot change the folder of its shell; "
-    "'forge completion' defines 'forge_cd'\n"
-)
-
-BUILD_TYPES = "'cmake', 'ament_cmake', 'ament_python')\n"
-AMENT = "did you mean 'ament_cmake'?"
-ALL = "'forge clean --help' lists all options"
+CD = "a program cannot change the folder of its shell; 'forge completion' defines 'forge_cd'"
+LICENSE = "did you mean '--license'?"
+SELECT = "did you mean '--packages-select'?"
+ALL_OF_BUILD = "'forge build --help' lists all options"
+BUILD_TYPE = "'ament_cmak' (choose from 'cmake', 'ament_cmake', 'ament_python')"
+CONSOLE = "--event-handlers expects names followed by '+' or '-', not 'console_cohesion'"
+LINK = "'{}' is not '-': write '--symlink-install'"
 
 
 @pytest.mark.parametrize(
-    ("argv", "told"),
+    ("line", "error", "hint"),
     [
-        (("biuld",), "error: unknown command 'biuld'\nhint: did you mean 'build'?\n"),
-        (("xyz",), "error: unknown command 'xyz'\nhint: 'forge --help' lists all commands\n"),
+        ("biuld", "unknown command 'biuld'", "did you mean 'build'?"),
+        ("xyz", "unknown command 'xyz'", "'forge --help' lists all commands"),
+        ("pkg", "the following arguments are required: VERB", "'forge pkg --help' lists all verbs"),
+        ("topic list", "unknown command 'topic'", TOPIC),
+        ("cd talk", "unknown command 'cd'", CD),
+        ("watch", "unknown command 'watch'", "did you mean 'forge build --watch'?"),
+        ("build --package-select talk", "unrecognized arguments: --package-select talk", SELECT),
+        ("build talk", "unrecognized arguments: talk", "to select packages: '--packages-select talk'"),
         (
-            ("pkg",),
-            ("error: the following arguments are required: VERB\nhint: 'forge pkg --help' lists all verbs\n"),
-        ),
-        (
-            ("topic", "list"),
-            TOPIC,
-        ),
-        (
-            ("cd", "talk"),
-            CD,
-        ),
-        (
-            ("build", "--package-select", "talk"),
-            "error: unrecognized arguments: --package-select talk\nhint: did you mean '--packages-select'?\n",
+            "build --release",
+            "unrecognized arguments: --release",
+            "to set the build type: '--cmake-args -DCMAKE_BUILD_TYPE=Release'",
         ),
         (
-            ("build", "--release"),
-            (
-                "error: unrecognized arguments: --release\n"
-                "hint: to set the build type: '--cmake-args -DCMAKE_BUILD_TYPE=Release'\n"
-            ),
+            "build -DA:STRING=1",
+            "unrecognized arguments: -DA:STRING=1",
+            "to define a variable of CMake: '--cmake-args -DA:STRING=1'",
+        ),
+        ("test --release", "unrecognized arguments: --release", "'forge test --help' lists all options"),
+        ("build --frobnicate", "unrecognized arguments: --frobnicate", ALL_OF_BUILD),
+        ("build --jobs many", "argument -j/--jobs: 'many' is not a positive number of jobs", ALL_OF_BUILD),
+        (
+            "pkg create a --build-type ament_cmak",
+            f"argument --build-type: invalid choice: {BUILD_TYPE}",
+            "did you mean 'ament_cmake'?",
         ),
         (
-            ("build", "-DA:STRING=1"),
-            (
-                "error: unrecognized arguments: -DA:STRING=1\n"
-                "hint: to define a variable of CMake: '--cmake-args -DA:STRING=1'\n"
-            ),
+            "env --format jsn",
+            "argument --format: invalid choice: 'jsn' (choose from 'sh', 'json', 'dotenv')",
+            "did you mean 'json'?",
         ),
         (
-            ("test", "--release"),
-            "error: unrecognized arguments: --release\nhint: 'forge test --help' lists all options\n",
+            "clean all",
+            "argument what: invalid choice: 'all' (choose from 'workspace', 'packages', 'stale')",
+            "'forge clean --help' lists all options",
+        ),
+        ("pkg create talk --license-typ x", "unrecognized arguments: --license-typ x", LICENSE),
+        ("env --formt sh", "unrecognized arguments: --formt", "did you mean '--format'?"),
+        (
+            "build --event-handlers console_cohesion",
+            CONSOLE,
+            "'console_cohesion+' enables it, 'console_cohesion-' disables it",
         ),
         (
-            ("build", "--frobnicate"),
-            "error: unrecognized arguments: --frobnicate\nhint: 'forge build --help' lists all options\n",
+            "build --event-handlers console_choesion-",
+            "--event-handlers: unknown event handler 'console_choesion'",
+            f"did you mean 'console_cohesion-'? event handlers: {', '.join(HANDLERS)}",
         ),
         (
-            ("build", "--jobs", "many"),
-            (
-                "error: argument -j/--jobs: 'many' is not a positive number of jobs\n"
-                "hint: 'forge build --help' lists all options\n"
-            ),
-        ),
-        *(
-            (argv, f"error: argument {at}: invalid choice: '{argv[-1]}' (choose from {among}hint: {hint}\n")
-            for argv, at, among, hint in (
-                (("pkg", "create", "a", "--build-type", "ament_cmak"), "--build-type", BUILD_TYPES, AMENT),
-                (("env", "--format", "jsn"), "--format", "'sh', 'json', 'dotenv')\n", "did you mean 'json'?"),
-                (("clean", "all"), "what", "'workspace', 'packages', 'stale')\n", ALL),
-            )
+            "build --event-handlers nosuch+",
+            "--event-handlers: unknown event handler 'nosuch'",
+            f"event handlers: {', '.join(HANDLERS)}",
         ),
         (
-            ("pkg", "create", "talk", "--license-typ", "x"),
-            "error: unrecognized arguments: --license-typ x\nhint: did you mean '--license'?\n",
+            "build \u2014-symlink-install",
+            "unrecognized arguments: \u2014-symlink-install",
+            LINK.format("\u2014"),
         ),
         (
-            ("build", "--event-handlers", "console_cohesion"),
-            (
-                "error: --event-handlers expects names followed by '+' or '-', not 'console_cohesion'\n"
-                "hint: 'console_cohesion+' enables it, 'console_cohesion-' disables it\n"
-            ),
+            "build \u2013symlink-instal",
+            "unrecognized arguments: \u2013symlink-instal",
+            LINK.format("\u2013"),
         ),
-        (
-            ("build", "--event-handlers", "console_choesion-"),
-            (
-                "error: --event-handlers: unknown event handler 'console_choesion'\n"
-                f"hint: did you mean 'console_cohesion-'? event handlers: {', '.join(HANDLERS)}\n"
-            ),
-        ),
-        (
-            ("build", "--event-handlers", "nosuch+"),
-            (
-                "error: --event-handlers: unknown event handler 'nosuch'\n"
-                f"hint: event handlers: {', '.join(HANDLERS)}\n"
-            ),
-        ),
-        (
-            ("build", "\u2014-symlink-install"),
-            (
-                "error: unrecognized arguments: \u2014-symlink-install\n"
-                "hint: '\u2014' is not '-': write '--symlink-install'\n"
-            ),
-        ),
-        (
-            ("build", "\u2013symlink-instal"),
-            (
-                "error: unrecognized arguments: \u2013symlink-instal\n"
-                "hint: '\u2013' is not '-': write '--symlink-install'\n"
-            ),
-        ),
-        (
-            ("build", "\u2212j"),
-            "error: unrecognized arguments: \u2212j\nhint: '\u2212' is not '-': write '-j'\n",
-        ),
-        (("watch",), "error: unknown command 'watch'\nhint: did you mean 'forge build --watch'?\n"),
-        (
-            ("build", "talk"),
-            "error: unrecognized arguments: talk\nhint: to select packages: '--packages-select talk'\n",
-        ),
-        (
-            ("env", "--formt", "sh"),
-            "error: unrecognized arguments: --formt\nhint: did you mean '--format'?\n",
-        ),
+        ("build \u2212j", "unrecognized arguments: \u2212j", "'\u2212' is not '-': write '-j'"),
     ],
 )
 def test_misspelled_words_get_a_suggestion(
-    argv: tuple[str, ...], told: str, forge: Forge, tmp_path: Path
+    line: str, error: str, hint: str, forge: Forge, tmp_path: Path
 ) -> None:
-    ran = forge(*argv, cwd=tmp_path)
-    assert (ran.code, ran.err) == (2, told)
+    ran = forge(*line.split(), cwd=tmp_path)
+    assert (ran.code, ran.err) == (2, f"error: {error}\nhint: {hint}\n")
