@@ -126,7 +126,7 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
         executor: Executor = remote or LocalExecutor(
             job_pool,
             StartedProcesses(context.layout.build),
-            observer,
+            observer.surroundings,
             packages_memory,
         )
         # Each package that is built on this machine holds a job.

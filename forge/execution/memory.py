@@ -42,7 +42,8 @@ _LONGEST_LINE = 500
 """The maximum number of bytes of a line that are read."""
 _MOST_LINES = 20
 """The maximum number of lines with these words that are read in a piece of output."""
-_SIGKILL_CODES = frozenset({-9, 137})
+SIGKILL_CODES = frozenset({-9, 137})
+"""The exit codes of a step whose own program was killed."""
 
 
 class PackageMemory:
@@ -171,8 +172,3 @@ def killed_program(output: bytes) -> str | None:
             program = next(filter(None, match.groups()), b"a program")
             return program.decode(errors="replace").rpartition("/")[2].strip(":'\"")
     return None
-
-
-def is_kill(code: int) -> bool:
-    """Return whether the exit code of a step means that its own program was killed."""
-    return code in _SIGKILL_CODES

@@ -5,7 +5,8 @@ Without a compiler nothing is observed, and `forge.build.prefix` relies on the i
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from contextlib import nullcontext
+from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 from forge.build.observed_writes import append
@@ -21,21 +22,6 @@ if TYPE_CHECKING:
     from forge.build.tasks import Step, Task
 
 
-class StepObserver(Protocol):
-    """Prepares the environment of steps so that their actions are logged."""
-
-    def variables(self, task: Task, variables: Mapping[str, str], /) -> Mapping[str, str]:
-        """Return the environment of a step with the variables added."""
-
-    def note_process(self, variables: Mapping[str, str], process: int, step: Step, /) -> None:
-        """Log the start of a step."""
-
-
-def note_step(variables: Mapping[str, str], process: int, step: Step) -> None:
-    """Log the start of a step in an environment from `observed`."""
-    append(variables[LOG_VARIABLE], b"P%d %s" % (process, step.kind.value.encode()))
-
-
 @frozen
 class Observer:
     """Sets the variables that make the steps of tasks log; without a `library`, only steps of forge do."""
@@ -43,16 +29,22 @@ class Observer:
     layout: Layout
     library: Path | None
 
-    def variables(self, task: Task, variables: Mapping[str, str]) -> Mapping[str, str]:
+    def surroundings(
+        self, task: Task, _step: Step, variables: Mapping[str, str], _is_stopped: object
+    ) -> nullcontext[tuple[Mapping[str, str], bool]]:
+        """Yield the environment of a step, and whether the library is loaded."""
         environment = {
             **observed(variables, self.library, written_log(task.name, self.layout)),
             LINKS_VARIABLE: str(guarded_links(task.name, self.layout)),
         }
-        return {**environment, STAGE_VARIABLE: str(task.stage)} if task.stage else environment
+        if task.stage:
+            environment[STAGE_VARIABLE] = str(task.stage)
+        return nullcontext((environment, self.library is not None))
 
-    def note_process(self, variables: Mapping[str, str], process: int, step: Step) -> None:
-        if self.library is not None and str(self.library) in variables.get("LD_PRELOAD", ""):
-            note_step(variables, process, step)
+
+def note_step(variables: Mapping[str, str], process: int, step: Step) -> None:
+    """Log the start of a step whose environment names the log."""
+    append(variables[LOG_VARIABLE], b"P%d %s" % (process, step.kind.value.encode()))
 
 
 def open_observer(

@@ -36,7 +36,8 @@ from forge.build.tasks import (
     step_line,
 )
 from forge.execution.jobserver import without_jobserver_notices
-from forge.execution.memory import PackageMemory, is_kill, killed_program
+from forge.execution.memory import SIGKILL_CODES, PackageMemory, killed_program
+from forge.execution.observer import note_step
 from forge.execution.started import BUILD_FOLDER_VARIABLE, START_VARIABLE, StartedProcesses
 
 if TYPE_CHECKING:
@@ -44,12 +45,15 @@ if TYPE_CHECKING:
 
     from forge.execution.executor import Executor
     from forge.execution.job_pool import JobPool
-    from forge.execution.observer import StepObserver
 
 Surroundings: TypeAlias = (
-    "Callable[[Task, Step, Mapping[str, str], Callable[[], bool]], AbstractContextManager[Mapping[str, str]]]"
+    "Callable[[Task, Step, Mapping[str, str], Callable[[], bool]], "
+    "AbstractContextManager[tuple[Mapping[str, str], bool]]]"
 )
-"""Yields the environment of a step, given the current one and a function that tests for interruption."""
+"""Yields the environment of a step, and whether its log is to name the process of the step.
+
+The arguments are the task, the step, its current environment and a function that tests for interruption.
+"""
 
 _INSTALLATIONS = 3
 """The maximum number of attempts of an install step while other packages install into the same prefix."""
@@ -188,19 +192,18 @@ class LocalExecutor:
 
     def __init__(
         self,
-        job_pool: JobPool | None = None,
-        started: StartedProcesses | None = None,
-        observer: StepObserver | None = None,
+        job_pool: JobPool,
+        started: StartedProcesses,
+        surroundings: Surroundings = lambda _task, _step, variables, _is_stopped: nullcontext(
+            (variables, False)
+        ),
         memory: PackageMemory | None = None,
-        surroundings: Surroundings | None = None,
     ) -> None:
-        """Store the arguments; `surroundings` extends the environment of a step while it runs."""
-        self._memory = memory
-        self.slots = job_pool.local if job_pool else 1
+        self.slots = job_pool.local
         self._job_pool = job_pool
         self._started = started
-        self._observer = observer
         self._surroundings = surroundings
+        self._memory = memory
         self._stopping = threading.Event()
         self._groups: set[int] = set()
         self._lock = threading.Lock()
@@ -254,7 +257,7 @@ class LocalExecutor:
             put(Output(task.name, f"forge: {text}\n".encode(), stderr=True))
 
         say(f"{killed} was killed, probably for lack of memory; {REPEATED_ALONE}")
-        with self._job_pool.alone() if self._job_pool else nullcontext():
+        with self._job_pool.alone():
             if self._stopping.is_set():
                 return -signal.SIGKILL
             code, again = self._run_step(task, step, environment, put, alone=True)
@@ -281,13 +284,12 @@ class LocalExecutor:
 
     def finish_steps(self) -> None:
         self._stopping.set()
-        if self._job_pool:
-            self._job_pool.stop()
+        self._job_pool.stop()
 
     def interrupt(self, *, kill: bool) -> None:
         """Interrupt every process group; those that do not end are terminated, then killed."""
         self.finish_steps()
-        if self._started and self._last_signal is None:
+        if self._last_signal is None:
             self._started.note_descendants()
         self._signal(signal.SIGKILL if kill else signal.SIGINT)
 
@@ -343,24 +345,16 @@ class LocalExecutor:
                 text = text.replace(os.fsencode(step.cwd), os.fsencode(task.build_dir))
             put(Output(task.name, text, stderr=stderr))
 
-        tools = (
-            self._job_pool.tools(step, variables, alone=alone)
-            if self._job_pool
-            else nullcontext((variables, ()))
-        )
-        with contextlib.ExitStack() as stack:
-            variables, descriptors = stack.enter_context(tools)
-            if self._surroundings:
-                is_stopped = self._stopping.is_set
-                variables = stack.enter_context(self._surroundings(task, step, variables, is_stopped))
-            if self._observer:
-                variables = self._observer.variables(task, variables)
-            token = self._started.announce() if self._started else ""
+        with (
+            self._job_pool.tools(step, variables, alone=alone) as (for_tools, descriptors),
+            self._surroundings(task, step, for_tools, self._stopping.is_set) as (variables, logs),
+        ):
+            token = self._started.announce()
             try:
                 process = subprocess.Popen(
                     step.argv,
                     cwd=step.cwd,
-                    env={**variables, START_VARIABLE: token} if token else variables,
+                    env={**variables, START_VARIABLE: token},
                     pass_fds=descriptors,
                     stdin=subprocess.DEVNULL,
                     stdout=subprocess.PIPE,
@@ -373,14 +367,13 @@ class LocalExecutor:
                 put(Output(task.name, message.encode(), stderr=True))
                 code = _NOT_STARTED
             else:
-                if self._started:
-                    self._started.note(process.pid, token)
+                self._started.note(process.pid, token)
                 with self._lock:
                     self._groups.add(process.pid)
                     if self._last_signal is not None:  # it started during an interrupt
                         _signal_group(process.pid, self._last_signal)
-                if self._observer:
-                    self._observer.note_process(variables, process.pid, step)
+                if logs:
+                    note_step(variables, process.pid, step)
                 watching = self._memory.watching(task.name, process.pid) if self._memory else nullcontext()
                 try:
                     with process, watching, _deadline(process, step.seconds) as is_late:
@@ -389,14 +382,19 @@ class LocalExecutor:
                             # Processes left by tests would disturb others, and write into the build folder.
                             os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
                             _signal_group(process.pid, signal.SIGKILL)
-                        self._wait(process, task.name)
+                        if self._memory:
+                            # Wait as Popen does, but learn the use of memory.
+                            with contextlib.suppress(ChildProcessError):
+                                _, status, usage = os.wait4(process.pid, 0)
+                                process.returncode = os.waitstatus_to_exitcode(status)
+                                self._memory.note_usage(task.name, usage)
                     code = process.returncode
                     if is_late():
                         code = TIMED_OUT
                         text = f"forge: stopped, because it took longer than {step.seconds:g} s\n"
                         put_output(text.encode(), stderr=True)
                     elif code:
-                        own = Path(step.argv[0]).name if is_kill(code) else None
+                        own = Path(step.argv[0]).name if code in SIGKILL_CODES else None
                         killed = next(filter(None, map(killed_program, last)), own)
                 finally:
                     with self._lock:
@@ -409,15 +407,6 @@ class LocalExecutor:
             write_if_changed(*step.record)
         put(StepFinished(task.name, step, code))
         return code, killed
-
-    def _wait(self, process: subprocess.Popen[bytes], name: str) -> None:
-        """Wait for a process as Popen does, and record its use of memory."""
-        if self._memory is None:
-            return
-        with contextlib.suppress(ChildProcessError):
-            _, status, usage = os.wait4(process.pid, 0)
-            process.returncode = os.waitstatus_to_exitcode(status)
-            self._memory.note_usage(name, usage)
 
 
 def _signal_group(group: int, number: signal.Signals) -> None:

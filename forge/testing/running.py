@@ -96,10 +96,15 @@ class TestSetup(TaskLifecycle):
     @contextmanager
     def surroundings(
         self, task: Task, step: Step, variables: Mapping[str, str], is_stopped: Callable[[], bool]
-    ) -> Iterator[Mapping[str, str]]:
-        """Yield the environment of a step; record its results afterwards if the tests may be repeated."""
+    ) -> Iterator[tuple[Mapping[str, str], bool]]:
+        """Yield the environment of a step, and whether it is observed.
+
+        Afterwards, record its results if the tests may be repeated.
+        """
         with isolated(step, variables, is_stopped) as environment:
-            yield environment
+            if self.cached:
+                environment = self.cached.variables(task, environment)
+            yield environment, self.cached is not None
         if self.context.options.retest_until_pass:
             self.attempts.setdefault(task.name, []).append(read_attempt(task.name, self._found(task)))
 

@@ -178,7 +178,7 @@ def run(given: Options) -> int:
                     plan,
                     TaskRunner(
                         setup,
-                        LocalExecutor(job_pool, started, cached, surroundings=setup.surroundings),
+                        LocalExecutor(job_pool, started, setup.surroundings),
                         job_pool,
                     ),
                     _scheduler(plan, options, jobs, job_pool),

@@ -34,12 +34,11 @@ from forge.build.inputs.fingerprints import (
     is_written_since,
 )
 from forge.build.observed_writes import begin_log, read_steps, remove_log
-from forge.build.tasks import CACHED, NOT_CACHED, Step, Task
+from forge.build.tasks import CACHED, NOT_CACHED, Task
 from forge.engine.commands import CACHED_BYTECODE
 from forge.engine.observation import KINDS_FOR_TESTS, ObservedStep
 from forge.engine.observer import observed
 from forge.execution.job_pool import without_job_variables
-from forge.execution.observer import note_step
 from forge.execution.started import is_running
 from forge.testing.outcomes import Outcome
 
@@ -205,10 +204,6 @@ class CachedTests:
         """Return the environment of an observed step, with a separate folder for temporary files."""
         environment = observed(variables, self._library, _log_file(task))
         return {**environment, "TMPDIR": self._running[task.name].temporary}
-
-    def note_process(self, variables: Mapping[str, str], process: int, step: Step) -> None:
-        """Log the start of a step."""
-        note_step(variables, process, step)
 
     # After the tests
 

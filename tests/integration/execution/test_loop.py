@@ -21,8 +21,10 @@ from forge.build.events import (
 )
 from forge.build.model import BuildRecord
 from forge.build.tasks import BuildPlan, Step, StepKind, Task
+from forge.execution.job_pool import JobPool
 from forge.execution.loop import Scheduler, execute
 from forge.execution.runner import LocalExecutor, TaskLifecycle, TaskRunner
+from forge.execution.started import StartedProcesses
 from tests.packages import package
 
 
@@ -43,17 +45,14 @@ class Lifecycle(TaskLifecycle):
         return os.environ
 
 
-def real_runner() -> TaskRunner:
+def real_runner(folder: Path, lifecycle: TaskLifecycle | None = None) -> TaskRunner:
     """Return a runner that starts programs."""
-    return TaskRunner(Lifecycle(), LocalExecutor())
+    return TaskRunner(lifecycle or Lifecycle(), LocalExecutor(JobPool(1), StartedProcesses(folder)))
 
 
-def run(
-    plan: BuildPlan, runner: TaskRunner | None = None, *, limit: int = 0, go_on: bool = False
-) -> list[Event]:
+def run(plan: BuildPlan, runner: TaskRunner, *, limit: int = 0) -> list[Event]:
     """Execute and return all events."""
-    scheduler = Scheduler(plan, limit, continue_on_error=go_on)
-    return list(execute(plan, runner or real_runner(), scheduler, lambda one: one))
+    return list(execute(plan, runner, Scheduler(plan, limit), lambda one: one))
 
 
 def ends(events: Sequence[Event]) -> dict[str, object]:
@@ -72,7 +71,7 @@ def ends(events: Sequence[Event]) -> dict[str, object]:
 
 def test_a_program_that_cannot_start_fails_with_a_reason(tmp_path: Path) -> None:
     broken = replace(task(tmp_path, "a"), steps=(Step(StepKind.INSTALL, ("/no/such/program",), tmp_path),))
-    events = run(plan_of(broken))
+    events = run(plan_of(broken), real_runner(tmp_path))
     assert (
         Output("a", b"forge: cannot start '/no/such/program': No such file or directory\n", stderr=True)
         in events
@@ -85,7 +84,7 @@ def test_an_exception_in_a_worker_is_raised_in_the_loop(tmp_path: Path) -> None:
         def install(self, _task: Task) -> BuildRecord:
             raise OSError("disk full")
 
-    runner = TaskRunner(Full(), LocalExecutor())
+    runner = real_runner(tmp_path, Full())
     with pytest.raises(OSError, match="disk full"):
         run(plan_of(task(tmp_path, "a", "print()"), task(tmp_path, "b", "print()")), runner, limit=1)
 
@@ -93,7 +92,7 @@ def test_an_exception_in_a_worker_is_raised_in_the_loop(tmp_path: Path) -> None:
 def test_the_loop_does_not_wait_for_daemons_of_steps(tmp_path: Path) -> None:
     program = "import subprocess; print(subprocess.Popen(['sleep', '30']).pid, flush=True)"
     begun = time.monotonic()
-    events = run(plan_of(task(tmp_path, "a", program)))
+    events = run(plan_of(task(tmp_path, "a", program)), real_runner(tmp_path))
     assert time.monotonic() - begun < 10
     (said,) = (event for event in events if isinstance(event, Output))
     os.kill(int(said.lines), signal.SIGKILL)
@@ -104,7 +103,7 @@ def test_the_loop_does_not_wait_for_daemons_that_write(tmp_path: Path) -> None:
     """They end when they write into the closed pipe."""
     program = "import subprocess; subprocess.Popen('while echo x; do sleep 0.1; done', shell=True)"
     begun = time.monotonic()
-    events = run(plan_of(task(tmp_path, "a", program)))
+    events = run(plan_of(task(tmp_path, "a", program)), real_runner(tmp_path))
     assert time.monotonic() - begun < 20
     assert ends(events) == {"a": 0}
 
@@ -113,7 +112,7 @@ def test_leaving_the_loop_early_ends_the_programs(tmp_path: Path) -> None:
     flag = tmp_path / "flag"
     program = f"open({str(flag)!r}, 'w').close(); import time; time.sleep(60)"
     tasks = task(tmp_path, "a", program), task(tmp_path, "b", program)
-    events = execute(plan_of(*tasks), real_runner(), Scheduler(plan_of(*tasks), 2), lambda one: one)
+    events = execute(plan_of(*tasks), real_runner(tmp_path), Scheduler(plan_of(*tasks), 2), lambda one: one)
     for event in events:
         if isinstance(event, StepStarted):
             break

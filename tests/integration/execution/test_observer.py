@@ -11,7 +11,7 @@ from forge.base.layout import Layout
 from forge.build.observed_writes import NOTES, ObservedWrites, begin_log, read_writes
 from forge.build.prefix import written_log
 from forge.build.tasks import Step, StepKind, Task
-from forge.execution.observer import Observer, open_observer
+from forge.execution.observer import Observer, note_step, open_observer
 from tests.packages import package
 
 pytestmark = pytest.mark.needs("gcc", "cmake", "perl")
@@ -65,9 +65,13 @@ def observed(tmp_path: Path, folder: Path) -> tuple[Layout, Task, Observer]:
 def run(script: str, observed: tuple[Layout, Task, Observer]) -> ObservedWrites:
     """Run a script of a step in the prefix; return what was observed."""
     layout, task, observer = observed
-    variables = observer.variables(task, os.environ)
-    with subprocess.Popen(("sh", "-ec", script), cwd=task.prefix, env=variables) as process:
-        observer.note_process(variables, process.pid, Step(StepKind.BUILD, (), task.prefix))
+    step = Step(StepKind.BUILD, (), task.prefix)
+    with (
+        observer.surroundings(task, step, os.environ, None) as (variables, logs),
+        subprocess.Popen(("sh", "-ec", script), cwd=task.prefix, env=variables) as process,
+    ):
+        assert logs
+        note_step(variables, process.pid, step)
     assert process.returncode == 0
     return read_writes(written_log("a", layout), task.prefix)
 
@@ -144,7 +148,9 @@ def test_writes_are_not_observed_without_a_compiler(
     layout, task, _ = observed
     observer = open_observer(layout, tmp_path / "empty", {"PATH": str(tmp_path)})
     assert observer.library is None
-    assert "LD_PRELOAD" not in observer.variables(task, {})
+    with observer.surroundings(task, Step(StepKind.BUILD, (), task.prefix), {}, None) as (variables, logs):
+        assert "LD_PRELOAD" not in variables
+        assert not logs
 
 
 @pytest.mark.parametrize("damage", ["shorter", "more records", "no space", "no notes", "unfinished notes"])
