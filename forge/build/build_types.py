@@ -136,11 +136,6 @@ def known_types() -> tuple[str, ...]:
     return tuple(sorted({*OWN, *installed(BUILD_TYPES), *entry_points(BUILD_TYPES)}))
 
 
-def is_known_type(name: str) -> bool:
-    """Return whether there is a build type of this name, without loading it."""
-    return name in OWN or name in installed(BUILD_TYPES) or name in entry_points(BUILD_TYPES)
-
-
 def build_type_of(package: Package) -> BuildType:
     """Return the build type of a package; raises ForgeError if it is unknown."""
     build_type = find_build_type(package.build_type)

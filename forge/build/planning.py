@@ -13,11 +13,11 @@ from forge.base.layout import Layout
 from forge.build.build_types import build_type_of, unknown_type, unknown_types
 from forge.build.installed_lists import listed_files, without_other_installs
 from forge.build.model import BuildInputs, Snapshot
-from forge.build.recipes.context import BuildContext
+from forge.build.recipes.context import BuildContext, Recipe
 from forge.build.tasks import BuildPlan, Task
 from forge.build.up_to_date import DependencyHashes, reason_to_build
 from forge.engine.variables import FOR_COMPILERS
-from forge.workspace.model import Package, Selection
+from forge.workspace.model import Selection
 from forge.workspace.resolve import DependencyResolution
 
 
@@ -88,13 +88,30 @@ def make_plan(
         after = read_from.get(name, frozenset()) & tasks.keys()
         if reason is not None or need_hashes is None or after:
             hashes.expect(name)
-            tasks[name] = replace(
-                _task(package, needs, inputs, snapshot, context),
-                change=change,
+            recipe = cache(partial(build_type_of(package).recipe, package, context.of(package)))
+            build = context.layout.build_dir(name)
+            installed = {*(record.files if record else ()), *listed_files(build)}
+            tasks[name] = Task(
+                name=name,
+                package=package,
+                prefix=context.layout.prefix(name),
+                build_dir=build,
+                needs=needs,
+                steps=_LazyTuple(recipe, "steps"),
                 reason=reason or "one of its dependencies is being rebuilt and may change",
+                change=change,
+                inputs=inputs,
+                sources=snapshot.sources[name],
+                files=_LazyTuple(recipe, "files"),
                 conditional=reason is None,
-                after=after,
+                reconfigure=context.force_configure or context.clean_cache,
                 from_empty=option == "--force",
+                after=after,
+                earlier=tuple(sorted(without_other_installs(installed, context.layout.install))),
+                intact=record is not None
+                and name in snapshot.present
+                and snapshot.installed[name].digest == record.installed.digest,
+                kept=_LazyTuple(recipe, "kept"),
             )
     return BuildPlan(tasks, tuple(name for name in names if name not in tasks)), hashes
 
@@ -119,39 +136,6 @@ def _read_from(resolution: DependencyResolution, snapshot: Snapshot) -> dict[str
 
 _CONFIGURING = frozenset({"python", "cmake", "ninja", "make"})
 """The tools of packages that compile nothing."""
-
-
-def _task(
-    package: Package,
-    needs: Collection[str],
-    inputs: BuildInputs,
-    snapshot: Snapshot,
-    context: BuildContext,
-) -> Task:
-    """Return the task, without the reason for it."""
-    name = package.name
-    record = snapshot.records.get(name)
-    recipe = cache(partial(build_type_of(package).recipe, package, context.of(package)))
-    listed = {*(record.files if record else ()), *listed_files(context.layout.build_dir(name))}
-    earlier = tuple(sorted(without_other_installs(listed, context.layout.install)))
-    return Task(
-        name=name,
-        package=package,
-        prefix=context.layout.prefix(name),
-        build_dir=context.layout.build_dir(name),
-        needs=needs,
-        steps=_LazyTuple(lambda: recipe().steps),
-        reason="",
-        inputs=inputs,
-        sources=snapshot.sources[name],
-        files=_LazyTuple(lambda: recipe().files),
-        earlier=earlier,
-        intact=record is not None
-        and name in snapshot.present
-        and snapshot.installed[name].digest == record.installed.digest,
-        kept=_LazyTuple(lambda: recipe().kept),
-        reconfigure=context.force_configure or context.clean_cache,
-    )
 
 
 def _not_installed(
@@ -186,19 +170,20 @@ _Item_co = TypeVar("_Item_co", covariant=True)
 
 
 class _LazyTuple(Sequence[_Item_co]):
-    """The tuple that the pure function `make` returns, computed on first access; pickled as that tuple.
+    """A field of the recipe that a pure function returns, computed on first access; pickled as a tuple.
 
     Most tasks of a plan never run, because their dependencies are unchanged or their results are cached.
     """
 
-    def __init__(self, make: Callable[[], tuple[_Item_co, ...]]) -> None:
-        self._items = cache(make)
+    def __init__(self, recipe: Callable[[], Recipe], name: str) -> None:
+        self._recipe = recipe
+        self._name = name
 
     def __len__(self) -> int:
-        return len(self._items())
+        return len(getattr(self._recipe(), self._name))
 
     def __getitem__(self, index: Any) -> Any:
-        return self._items()[index]
+        return getattr(self._recipe(), self._name)[index]
 
     def __reduce__(self) -> tuple[type[tuple[_Item_co, ...]], tuple[tuple[_Item_co, ...]]]:
-        return (tuple, (self._items(),))
+        return (tuple, (getattr(self._recipe(), self._name),))

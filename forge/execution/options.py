@@ -19,13 +19,6 @@ def _workers(text: str) -> int:
     return int(text)
 
 
-def _memory_limit(text: str) -> MemoryLimit:
-    try:
-        return memory_limit(text)
-    except ValueError:
-        raise ValueError(f"'{text}' is neither a size nor a percentage of memory") from None
-
-
 @frozen
 class JobOptions:
     GROUP = "parallelism"
@@ -46,7 +39,7 @@ class JobOptions:
     memory_limit: MemoryLimit | None = option(
         "start no new jobs while memory use is above this limit: 80%%, 12G, none (default: keep 10%% or "
         "1 GiB free, whichever is less)",
-        parse=_memory_limit,
+        parse=memory_limit,
         metavar="SIZE",
     )
     load_limit: float | None = option(

@@ -14,7 +14,7 @@ import contextlib
 import os
 import signal
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 
 from forge.base.frozen import frozen
@@ -44,17 +44,6 @@ class Process:
     ended: bool
 
 
-@frozen
-class _Recorded:
-    """The start times of processes by id, and the tokens of processes whose id was not recorded."""
-
-    processes: Mapping[int, set[int]]
-    tokens: frozenset[str]
-
-    def __bool__(self) -> bool:
-        return bool(self.processes or self.tokens)
-
-
 class StartedProcesses:
     def __init__(self, build: Path) -> None:
         self._build = build
@@ -75,10 +64,7 @@ class StartedProcesses:
 
     def note_descendants(self) -> None:
         """Record the descendants of recorded processes, which are unknown once their parents have ended."""
-        recorded = self._read()
-        if recorded:
-            table = _all()
-            living = _with_descendants(_noted_processes(table, recorded, self._build), table)
+        if living := self._living():
             self._append("".join(map(self._line, living)))
 
     def end(self, *, gently: bool = False) -> None:
@@ -90,14 +76,7 @@ class StartedProcesses:
         identities: set[tuple[int, int]] = set()
         terminated: set[tuple[int, int]] = set()
         # Read them each time: the workers of a killed forge also record processes.
-        while (recorded := self._read()) and time.monotonic() < begun + _TIMEOUT_SECONDS:
-            table = _all()
-            earlier = [
-                process for process in table.values() if (process.number, process.started) in identities
-            ]
-            living = _with_descendants((*earlier, *_noted_processes(table, recorded, self._build)), table)
-            if not living:
-                return
+        while (living := self._living(identities)) and time.monotonic() < begun + _TIMEOUT_SECONDS:
             identities = {(process.number, process.started) for process in living}
             kill = not gently or time.monotonic() > begun + _GENTLE_SECONDS
             for process in living:
@@ -129,8 +108,20 @@ class StartedProcesses:
             finally:
                 os.close(descriptor)
 
-    def _read(self) -> _Recorded:
-        """Return the records of this machine since it was booted."""
+    def _living(self, identities: Collection[tuple[int, int]] = ()) -> list[Process]:
+        """Return the living processes that are recorded or in `identities`, and their descendants."""
+        recorded, tokens = self._read()
+        if not recorded and not tokens:
+            return []
+        table = _all()
+        earlier = (each for each in table.values() if (each.number, each.started) in identities)
+        return _with_descendants((*earlier, *_noted(table, recorded, tokens, self._build)), table)
+
+    def _read(self) -> tuple[dict[int, set[int]], set[str]]:
+        """Return the records of this machine since it was booted.
+
+        These are the start times of processes by id, and the tokens of processes whose id was not recorded.
+        """
         processes: dict[int, set[int]] = {}
         announced, started = set(), set()
         try:
@@ -147,7 +138,7 @@ class StartedProcesses:
                 started.add(second)
             elif first.isdecimal() and second.isdecimal():
                 processes.setdefault(int(first), set()).add(int(second))
-        return _Recorded(processes, frozenset(announced - started))
+        return processes, announced - started
 
 
 def _machine() -> str:
@@ -181,16 +172,18 @@ def _all() -> dict[int, Process]:
     return {number: process for number in numbers if (process := _read_process(number))}
 
 
-def _noted_processes(table: Mapping[int, Process], recorded: _Recorded, build: Path) -> Iterator[Process]:
+def _noted(
+    table: Mapping[int, Process], recorded: Mapping[int, set[int]], tokens: Iterable[str], build: Path
+) -> Iterator[Process]:
     """Yield the recorded processes, and those in groups and sessions that these lead or led."""
     mark = f"{BUILD_FOLDER_VARIABLE}={build}".encode(errors="surrogateescape")
-    tokens = {f"{START_VARIABLE}={token}".encode() for token in recorded.tokens}
+    starts = {f"{START_VARIABLE}={token}".encode() for token in tokens}
     for process in table.values():
-        if tokens and not tokens.isdisjoint(_variables(process)):
+        if starts and not starts.isdisjoint(_variables(process)):
             yield process
             continue
-        for number in {process.number, process.group, process.session} & recorded.processes.keys():
-            begun = recorded.processes[number]
+        for number in {process.number, process.group, process.session} & recorded.keys():
+            begun = recorded[number]
             if (leader := table.get(number)) is not None:
                 is_noted = leader.started in begun
             else:

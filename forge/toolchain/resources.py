@@ -67,7 +67,7 @@ def memory_limit(text: str) -> MemoryLimit:
         return MemoryLimit()
     match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*(%|[KMGT]?)(?:i?B)?", text, re.IGNORECASE)
     if not match or not float(match[1]):
-        raise ValueError(text)
+        raise ValueError(f"'{text}' is neither a size nor a percentage of memory")
     number, unit = float(match[1]), match[2].upper()
     return MemoryLimit(share=number / 100) if unit == "%" else MemoryLimit(size=int(number * _UNITS[unit]))
 

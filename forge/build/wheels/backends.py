@@ -330,7 +330,6 @@ def _build_system(source: Path) -> dict[str, Any]:
 DISK_FULL = re.compile(
     r"\[Errno (?:28|122)\]|: (?:No space left on device|Disk quota exceeded)$", re.MULTILINE
 )
-"""Progress messages that are omitted from the output of a failed backend."""
 _FAILED_WRITE = re.compile(
     r"^(?:Traceback \(most recent call last\):\n(?:  .*\n)+"
     r"|Exception ignored in: .*\n|\w*[eE]rror: \[Errno .*\n)",
@@ -343,7 +342,7 @@ _PROGRESS = re.compile(
     r"|warning: \w+: byte-compiling is disabled, skipping\.\n?)\n",
     re.MULTILINE,
 )
-"""Text that setuptools prints before an error."""
+"""Progress messages of setuptools, which are omitted from the output of a failed backend."""
 _CODE = r"(?:    .*\n)*"
 _OUTER_FRAMES = re.compile(
     r"^(Traceback \(most recent call last\):\n)"

@@ -10,7 +10,7 @@ from pathlib import Path
 from forge.base.errors import InterfaceError, Location, Problem, Severity
 from forge.base.frozen import frozen
 from forge.base.names import nearest
-from forge.build.build_types import is_known_type, unknown_type
+from forge.build.build_types import known_types, unknown_type
 from forge.interfaces.model import Catalog, Message, TypeName
 from forge.interfaces.read.lint import lint
 from forge.interfaces.read.parsing import Parsed
@@ -68,7 +68,7 @@ def _message(problem: Problem) -> str:
 def _unsupported(index: Index, reading: ManifestReading) -> Iterator[Diagnostic]:
     """Yield the problem of a build type that is unknown, unless the workspace assigns another one."""
     manifest, span = reading.manifest, reading.build_type
-    if manifest and span and not (is_known_type(manifest.build_type) or reading.path in index.assigned):
+    if manifest and span and not (manifest.build_type in known_types() or reading.path in index.assigned):
         yield Diagnostic(span, "error", _message(unknown_type(manifest)))
 
 
