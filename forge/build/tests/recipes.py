@@ -173,13 +173,52 @@ def _tests_at_once(tests: int, context: TestContext) -> int:
 
 
 def python_recipe(package: Package, context: TestContext, wants: Collection[str]) -> Recipe:
-    """Return the pytest run if the package requires pytest, else the unittest run.
+    """Return the pytest run if the package requires pytest, else the unittest run; both write a JUnit file.
 
-    `wants` are the normalized names of the distributions that the tests require.
+    `wants` are the normalized names of the distributions that the tests require. Without pytest's plugin for
+    repetition, the whole run is repeated.
     """
+    build, source = context.layout.build_dir(package.name), context.source(package)
+    options, modules, results = context.options, context.modules, context.results_of(package.name)
+    python = [str(context.python)]
+    if options.coverage:
+        python += ["-m", "coverage", "run", "--branch", f"--source={source}", f"--omit={','.join(OMITTED)}"]
+    stale = []
     if framework(package, context, wants) == "pytest":
-        return pytest_recipe(package, context, wants)
-    return unittest_recipe(package, context)
+        kind, other = StepKind.PYTEST, StepKind.UNITTEST
+        junit = results / "pytest.xml"
+        plugin = "pytest_cov" in modules
+        covered = plugin and not options.coverage and (options.pytest_with_coverage or "pytest-cov" in wants)
+        coverage = (
+            f"--cov={source}",
+            *(f"--cov-report={kind}:{build}/coverage.{kind}" for kind in ("html", "xml")),
+            "--cov-branch",
+        )
+        repeats = bool(options.retest_until_fail) and "pytest_repeat" in modules
+        words = (
+            *("-m", "pytest", "--tb=short"),
+            f"--junit-xml={junit}",
+            f"--junit-prefix={package.name}",
+            *("-o", f"cache_dir={build / '.pytest_cache'}"),
+            *(coverage if covered else ()),
+            *(("--no-cov",) if options.coverage and plugin else ()),
+            *((f"--count={options.retest_until_fail + 1}",) if repeats else ()),
+            *options.pytest_args,
+        )
+        stale += [] if options.pytest_args else [known_cases_file(build)]
+    else:
+        kind, other = StepKind.UNITTEST, StepKind.PYTEST
+        junit = results / "unittest.xml"
+        covered = repeats = False
+        words = (str(UNITTESTS), str(junit), package.name, "-v", *options.unittest_args)
+    env = (("COVERAGE_FILE", str(build / DATA_FILE)),) if covered or options.coverage else ()
+    argv = (*python, *words)
+    step = Step(kind, argv, source, env, meanings=_OF_PYTHON, seconds=options.test_timeout)
+    count = 0 if repeats else options.retest_until_fail or options.retest_until_pass
+    passed, failed = StepCondition.TESTS_PASSED, StepCondition.TESTS_FAILED
+    again = replace(step, condition=passed if options.retest_until_fail else failed)
+    missing = (junit, missing_result(package, kind.value, options.test_timeout))
+    return Recipe((step, *(again,) * count), (missing,), (results / f"{other.value}.xml", *stale))
 
 
 def framework(package: Package, context: TestContext, wants: Collection[str]) -> str:
@@ -188,59 +227,6 @@ def framework(package: Package, context: TestContext, wants: Collection[str]) ->
         return "pytest" if context.options.python_testing == "pytest" else "unittest"
     declared = {dependency.name for dependency in package.manifest.dependencies}
     return "pytest" if "pytest" in wants or "python3-pytest" in declared else "unittest"
-
-
-def pytest_recipe(package: Package, context: TestContext, wants: Collection[str]) -> Recipe:
-    """Return the pytest run; without plugins for repetition the whole run is repeated."""
-    build = context.layout.build_dir(package.name)
-    junit = context.results_of(package.name) / "pytest.xml"
-    options, modules = context.options, context.modules
-    plugin = "pytest_cov" in modules
-    covered = plugin and not options.coverage and (options.pytest_with_coverage or "pytest-cov" in wants)
-    coverage = (
-        f"--cov={context.source(package)}",
-        *(f"--cov-report={kind}:{build}/coverage.{kind}" for kind in ("html", "xml")),
-        "--cov-branch",
-    )
-    repeats = options.retest_until_fail and "pytest_repeat" in modules
-    argv = (
-        *_python(package, context),
-        *("-m", "pytest", "--tb=short"),
-        f"--junit-xml={junit}",
-        f"--junit-prefix={package.name}",
-        *("-o", f"cache_dir={build / '.pytest_cache'}"),
-        *(coverage if covered else ()),
-        *(("--no-cov",) if options.coverage and plugin else ()),
-        *((f"--count={options.retest_until_fail + 1}",) if repeats else ()),
-        *options.pytest_args,
-    )
-    env = (("COVERAGE_FILE", str(build / DATA_FILE)),) if covered or options.coverage else ()
-    step = Step(
-        StepKind.PYTEST, argv, context.source(package), env, meanings=_OF_PYTHON, seconds=options.test_timeout
-    )
-    steps = (step,) if repeats else _with_repetitions(step, options)
-    missing = (junit, missing_result(package, "pytest", options.test_timeout))
-    stale = junit.with_name("unittest.xml")
-    return Recipe(steps, (missing,), (stale, *(() if options.pytest_args else (known_cases_file(build),))))
-
-
-def unittest_recipe(package: Package, context: TestContext) -> Recipe:
-    """Return the unittest run through forge's runner, which writes a JUnit file."""
-    junit, options = context.results_of(package.name) / "unittest.xml", context.options
-    words = (str(UNITTESTS), str(junit), package.name, "-v")
-    argv = (*_python(package, context), *words, *options.unittest_args)
-    data = str(context.layout.build_dir(package.name) / DATA_FILE)
-    env = (("COVERAGE_FILE", data),) if options.coverage else ()
-    step = Step(
-        StepKind.UNITTEST,
-        argv,
-        context.source(package),
-        env,
-        meanings=_OF_PYTHON,
-        seconds=options.test_timeout,
-    )
-    missing = (junit, missing_result(package, "unittest", options.test_timeout))
-    return Recipe(_with_repetitions(step, options), (missing,), (junit.with_name("pytest.xml"),))
 
 
 def missing_result(package: Package, program: str, seconds: float = 0) -> str:
@@ -252,17 +238,3 @@ def missing_result(package: Package, program: str, seconds: float = 0) -> str:
 
 def error_result(package: str, test: str, message: str) -> str:
     return render("testing/error_result.xml.j2", package=package, test=test, message=message)
-
-
-def _with_repetitions(step: Step, options: TestOptions) -> tuple[Step, ...]:
-    until_fail = options.retest_until_fail
-    condition = StepCondition.TESTS_PASSED if until_fail else StepCondition.TESTS_FAILED
-    return (step, *(replace(step, condition=condition),) * (until_fail or options.retest_until_pass))
-
-
-def _python(package: Package, context: TestContext) -> tuple[str, ...]:
-    """Return the command that runs Python, through coverage.py if coverage is measured."""
-    if not context.options.coverage:
-        return (str(context.python),)
-    measured = (f"--source={context.source(package)}", f"--omit={','.join(OMITTED)}")
-    return (str(context.python), "-m", "coverage", "run", "--branch", *measured)

@@ -50,16 +50,15 @@ class Result(unittest.TextTestResult):
 
     def addError(self, test: unittest.TestCase, err: Fault) -> None:
         super().addError(test, err)
-        # The test may be the setup of a class or module, which was not started.
-        self._record(test).events.append(("error", self._message(err), self.errors[-1][1]))
+        self._note(test, "error", _message(err), self.errors[-1][1])
 
     def addFailure(self, test: unittest.TestCase, err: Fault) -> None:
         super().addFailure(test, err)
-        self._record(test).events.append(("failure", self._message(err), self.failures[-1][1]))
+        self._note(test, "failure", _message(err), self.failures[-1][1])
 
     def addSkip(self, test: unittest.TestCase, reason: str) -> None:
         super().addSkip(test, reason)
-        self._record(test).events.append(("skipped", reason, ""))
+        self._note(test, "skipped", reason)
 
     def addSubTest(self, test: unittest.TestCase, subtest: unittest.TestCase, err: Fault | None) -> None:
         super().addSubTest(test, subtest, err)
@@ -68,23 +67,22 @@ class Result(unittest.TextTestResult):
             text = (self.failures if failed else self.errors)[-1][1]
             # The description of the subtest identifies it.
             part = str(subtest).removeprefix(str(test)).strip()
-            message = f"{part} {self._message(err)}"
-            self._record(test).events.append(("failure" if failed else "error", message, text))
+            self._note(test, "failure" if failed else "error", f"{part} {_message(err)}", text)
 
     def addUnexpectedSuccess(self, test: unittest.TestCase) -> None:
         super().addUnexpectedSuccess(test)
-        message = "unexpected success of a test marked as expected failure"
-        self._record(test).events.append(("failure", message, ""))
+        self._note(test, "failure", "unexpected success of a test marked as expected failure")
 
-    def _record(self, test: unittest.TestCase) -> CaseRecord:
+    def _note(self, test: unittest.TestCase, kind: str, message: str, text: str = "") -> None:
+        # The test may be the setup of a class or module, which was not started.
         if not self.records or self.records[-1].name != test.id():
             self.records.append(CaseRecord(test.id()))
-        return self.records[-1]
+        self.records[-1].events.append((kind, message, text))
 
-    @staticmethod
-    def _message(err: Fault) -> str:
-        kind, value, _ = err
-        return f"{kind.__name__}: {value}" if kind is not None else ""
+
+def _message(err: Fault) -> str:
+    kind, value, _ = err
+    return f"{kind.__name__}: {value}" if kind is not None else ""
 
 
 class Runner(unittest.TextTestRunner):
@@ -97,11 +95,6 @@ class CaseRecord:
         self.events: list[tuple[str, str, str]] = []
         self.seconds = 0.0
         self.began = time.monotonic()
-
-    @property
-    def kind(self) -> str:
-        kinds = {kind for kind, _, _ in self.events}
-        return next((kind for kind in ("error", "failure", "skipped") if kind in kinds), "")
 
 
 def main(words: Sequence[str]) -> int:
@@ -123,7 +116,8 @@ def main(words: Sequence[str]) -> int:
 
 
 def _junit(package: str, records: Sequence[CaseRecord]) -> bytes:
-    kinds = [record.kind for record in records]
+    # Of several events in a test, the worst counts, which is the first in alphabetical order.
+    kinds = [min((kind for kind, _, _ in record.events), default="") for record in records]
     seconds = sum(record.seconds for record in records)
     root = ET.Element("testsuite", name=_printable(package), time=f"{seconds:.3f}", tests=str(len(records)))
     for name, kind in (("errors", "error"), ("failures", "failure"), ("skipped", "skipped")):

@@ -14,7 +14,7 @@ from forge.build.tests.recipes import (
     TestContext,
     ctest_recipe,
     framework,
-    pytest_recipe,
+    python_recipe,
 )
 from forge.workspace.model import Package
 from tests.packages import package
@@ -86,6 +86,6 @@ def test_package_settings_follow_global_options() -> None:
 def test_coverage_replaces_pytest_cov() -> None:
     """Both would trace the same lines."""
     context = with_options(coverage=True, modules=frozenset({"pytest", "pytest_cov", "coverage"}))
-    words = only(pytest_recipe(PY, context, {"pytest-cov"}).steps)
+    words = only(python_recipe(PY, context, {"pytest", "pytest-cov"}).steps)
     assert "--no-cov" in words
     assert not any(word.startswith("--cov") for word in words)
