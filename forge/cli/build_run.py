@@ -24,6 +24,7 @@ from forge.build.tasks import BuildPlan
 from forge.cli.preparation import PreparedBuild
 from forge.cli.session import Session, open_session
 from forge.engine.observation import COLOURS_VARIABLE
+from forge.engine.observer import compile_library
 from forge.engine.variables import relevant_environment
 from forge.environment.prefixes import find_underlays, provider
 from forge.environment.underlays import overridden
@@ -31,7 +32,7 @@ from forge.execution.executor import Executor, ExecutorContext
 from forge.execution.job_pool import open_job_pool, without_job_variables
 from forge.execution.loop import Scheduler
 from forge.execution.memory import PackageMemory
-from forge.execution.observer import open_observer
+from forge.execution.observer import Observer
 from forge.execution.runner import LocalExecutor, TaskRunner
 from forge.execution.started import StartedProcesses
 from forge.execution.task_setup import TaskSetup
@@ -78,10 +79,12 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
         {name: program_of(identity) for name, identity in context.tools},
         mode.warn,
     )
-    observer = open_observer(context.layout, own, build.variables, unobserved=options.no_observer)
+    # Programs for another machine cannot load the library.
+    unobserved = options.no_observer or context.layout.target
+    library = None if unobserved else compile_library(own, build.variables)
     with (
         options.execution.connected(executor_context) as remote,
-        _workers(plan, build, observer.library, compiles=compiles) as worker_variables,
+        _workers(plan, build, library, compiles=compiles) as worker_variables,
         closing(
             open_job_pool(
                 options.jobs,
@@ -93,7 +96,7 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             )
         ) as job_pool,
         _session(plan, build, state) as session,
-        _package_cache(build, state, own, observed=bool(observer.library) and not remote) as cache,
+        _package_cache(build, state, own, observed=bool(library) and not remote) as cache,
     ):
         variables = {
             **without_job_variables(build.variables),
@@ -118,15 +121,15 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             variables,
             state,
             cache,
-            _toolchain(plan, build, state, observer.library),
+            _toolchain(plan, build, state, library),
             audit and audit.collect,
-            observes=observer.library is not None and not remote and not audit,
+            observes=library is not None and not remote and not audit,
         )
         packages_memory = PackageMemory(context.layout.build / MEMORY_FILE, options.jobs.memory_limit)
         executor: Executor = remote or LocalExecutor(
             job_pool,
             StartedProcesses(context.layout.build),
-            observer.surroundings,
+            Observer(context.layout, library).surroundings,
             packages_memory,
         )
         # Each package that is built on this machine holds a job.

@@ -9,7 +9,7 @@ import os
 import shlex
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 
@@ -40,7 +40,8 @@ def lock_build_dir(build: Path, *, wait: bool = True) -> Iterator[float]:
             started.end()
         started.forget()
         with naming(build / LOCK_FILE):
-            _write_holder(lock.fileno(), _own_description())
+            own = _description(os.getpid(), os.getuid(), time.time(), ("forge", *sys.argv[1:]))
+            _write_holder(lock.fileno(), own)
         try:
             yield waited
         except ForgeError:
@@ -87,12 +88,10 @@ def _acquire(descriptor: int, kind: str, folder: Path, read: Callable[[], str], 
     return 0.0
 
 
-def _own_description() -> str:
-    """Return the description of this process for others: id, user, start of the command, command line."""
-    words = ("forge", *map(without_passwords, sys.argv[1:]))
-    return json.dumps(
-        {"pid": os.getpid(), "uid": os.getuid(), "since": time.time(), "command": shlex.join(words)}
-    )
+def _description(pid: int, uid: int, since: float, words: Iterable[str]) -> str:
+    """Return the description of a process for others: id, user, start of the command, command line."""
+    command = shlex.join(map(without_passwords, words))
+    return json.dumps({"pid": pid, "uid": uid, "since": since, "command": command})
 
 
 def _lock_owner(descriptor: int) -> str:
@@ -106,8 +105,7 @@ def _lock_owner(descriptor: int) -> str:
         start = next((at for at, word in enumerate(argv) if Path(word).name == "forge"), -1)
         folder = Path(f"/proc/{number}").stat()
         words = ("forge", *argv[start + 1 :]) if start >= 0 else argv
-        command = shlex.join(map(without_passwords, words))
-        return json.dumps({"pid": number, "uid": folder.st_uid, "since": folder.st_ctime, "command": command})
+        return _description(number, folder.st_uid, folder.st_ctime, words)
     return ""
 
 

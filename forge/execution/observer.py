@@ -12,7 +12,7 @@ from forge.base.frozen import frozen
 from forge.build.observed_writes import append
 from forge.build.prefix import guarded_links, written_log
 from forge.engine.observation import LINKS_VARIABLE, LOG_VARIABLE, STAGE_VARIABLE
-from forge.engine.observer import compile_library, observed
+from forge.engine.observer import observed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -45,13 +45,3 @@ class Observer:
 def note_step(variables: Mapping[str, str], process: int, step: Step) -> None:
     """Log the start of a step whose environment names the log."""
     append(variables[LOG_VARIABLE], b"P%d %s" % (process, step.kind.value.encode()))
-
-
-def open_observer(
-    layout: Layout, folder: Path, variables: Mapping[str, str], *, unobserved: bool = False
-) -> Observer:
-    """Return the observer of a build, with its library in `folder`; without one if `unobserved`.
-
-    Programs for another machine cannot load it.
-    """
-    return Observer(layout, None if layout.target or unobserved else compile_library(folder, variables))

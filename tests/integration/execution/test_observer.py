@@ -11,7 +11,8 @@ from forge.base.layout import Layout
 from forge.build.observed_writes import NOTES, ObservedWrites, begin_log, read_writes
 from forge.build.prefix import written_log
 from forge.build.tasks import Step, StepKind, Task
-from forge.execution.observer import Observer, note_step, open_observer
+from forge.engine.observer import compile_library
+from forge.execution.observer import Observer, note_step
 from tests.packages import package
 
 pytestmark = pytest.mark.needs("gcc", "cmake", "perl")
@@ -57,7 +58,7 @@ def observed(tmp_path: Path, folder: Path) -> tuple[Layout, Task, Observer]:
     log = written_log("a", layout)
     log.parent.mkdir()
     begin_log(log)
-    observer = open_observer(layout, folder, dict(os.environ))
+    observer = Observer(layout, compile_library(folder, dict(os.environ)))
     assert observer.library is not None
     return layout, task, observer
 
@@ -146,7 +147,7 @@ def test_writes_are_not_observed_without_a_compiler(
     tmp_path: Path, observed: tuple[Layout, Task, Observer]
 ) -> None:
     layout, task, _ = observed
-    observer = open_observer(layout, tmp_path / "empty", {"PATH": str(tmp_path)})
+    observer = Observer(layout, compile_library(tmp_path / "empty", {"PATH": str(tmp_path)}))
     assert observer.library is None
     with observer.surroundings(task, Step(StepKind.BUILD, (), task.prefix), {}, None) as (variables, logs):
         assert "LD_PRELOAD" not in variables
