@@ -18,7 +18,7 @@ from forge.base.errors import InterfaceError, Location, Problem, raise_if_any
 from forge.base.frozen import frozen
 from forge.base.names import python_attribute, snake_case
 from forge.base.templating import render
-from forge.interfaces.enumerations import Enumeration, enumerations
+from forge.interfaces.enumerations import enumerations
 from forge.interfaces.model import (
     Action,
     Array,
@@ -47,6 +47,7 @@ from forge.interfaces.python.cdr_write import emit_part_writer, emit_writer
 from forge.interfaces.python.types import (
     DTYPES,
     INTEGERS,
+    TYPE_CODES,
     literal,
     module_name,
     numeric,
@@ -132,12 +133,15 @@ def _modules(interface: Interface, root: str, definition: str) -> Iterator[File]
         for name in sorted(imported_names)
     }
     classes = imported | {message.name: message.name.name for message in messages}
-    path = module_name(interface.name).replace(".", "/")
+    names = _Names(classes, _STUB_BUILTINS & field_names)
+    views = [_message(message, names) for message in messages]
+    decorator = names.builtin("property")
     shared = {
         "title": str(interface.name),
         "definition": [repr(line) for line in definition.splitlines(keepends=True)],
         "imported": [(f"{root}{module_name(name)}", name.name, local) for name, local in imported.items()],
-        "decorator": "_property" if "property" in field_names else "property",
+        "decorator": decorator,
+        "messages": views,
         "services": [
             {
                 "name": service.name.name,
@@ -150,86 +154,87 @@ def _modules(interface: Interface, root: str, definition: str) -> Iterator[File]
         "action": isinstance(interface, Action)
         and {"name": interface.name.name, "cancel": classes[_CANCEL], "status": classes[_STATUS]},
     }
-    enumerated = [_enumerations(message) for message in messages]
-    views = [_message(*pair, classes) for pair in zip(messages, enumerated, strict=True)]
-    lines = _imports(views, shadows_property="property" in field_names)
-    yield File(f"{path}.py", render("python/interface.py.j2", **shared, messages=views, imports=lines))
-    names = StubNames(classes, STUB_BUILTINS & field_names)
-    stubs = [view_stub(*pair, names) for pair in zip(messages, enumerated, strict=True)]
-    lines = stub_imports(
-        messages,
-        names.shadowed,
-        aliases=bool(services),
-        enums=any(each["enumerations"] for each in enumerated),
-    )
-    yield File(f"{path}.pyi", render("python/interface.pyi.j2", **shared, messages=stubs, imports=lines))
+    fields = [field for view in views for field in view.fields]
+    both = [decorator, *("_IntEnum" for view in views if view.enumerations)]
+    code = ["_checks", "_messages", *both]
+    for field in fields:
+        code += (*field.build, *field.accept, field.slot_type, field.default or "")
+    path = module_name(interface.name).replace(".", "/")
+    imports = _imports(_MODULE_IMPORTS, _names_in(code))
+    yield File(f"{path}.py", render("python/interface.py.j2", **shared, imports=imports))
+    code = [*both, *("_TypeAlias" for _ in services), *(view.check_fields or "" for view in views)]
+    code += (text for field in fields for text in (field.getter_type, field.setter_type))
+    constants = [constant for view in views for constant in view.constants]
+    code += (constant.type for constant in constants)
+    if constants or any(field.default for field in fields):
+        code.append("_Final")
+    imports = _imports(_STUB_IMPORTS, _names_in(code))
+    yield File(f"{path}.pyi", render("python/interface.pyi.j2", **shared, imports=imports))
 
 
-def _imports(views: list[SimpleNamespace], *, shadows_property: bool) -> list[str]:
-    needs = {need for view in views for field in view.fields for need in field.needs}
-    lines = ["from array import array as _array"] if "array" in needs else []
-    if shadows_property:
-        lines.append("from builtins import property as _property")
-    lines += ["from enum import IntEnum as _IntEnum"] * any(view.enumerations for view in views)
-    if lines:
-        lines.append("")
-    lines += ["import numpy as _numpy"] * ("numpy" in needs)
-    lines += ["from numpy import zeros as _zeros"] * ("zeros" in needs)
-    lines += ["from forge_rosidl import arrays as _arrays"] * ("arrays" in needs)
-    lines += ["from forge_rosidl import checks as _checks", "from forge_rosidl import messages as _messages"]
-    if any(view.fields for view in views):
-        lines.append("from rosidl_parser import definition as _definition")
-    empty = sorted(need for need in needs if need.startswith("no_"))
-    return lines + [f"from forge_rosidl.empty import {word} as _{word}" for word in empty]
-
-
-def _message(
-    message: Message, enumerated: Mapping[str, object], classes: Mapping[TypeName, str]
-) -> SimpleNamespace:
-    names = {field.name for field in message.fields}
-    own = "_self" if "self" in names else "self"
-    scope = Scope(classes, own, direct=not names & BUILTINS)
-    fields = [view_field(field, scope) for field in message.fields]
-    changeable = {field.name for field in message.fields if isinstance(field.default, tuple)}
-    return SimpleNamespace(
-        name=message.name.name,
-        doc_end="" if message.constants else '"""',
-        constants=[(c.name, literal(c.type, c.value)) for c in message.constants],
-        units={field.name: repr(field.unit) for field in message.fields if field.unit},
-        defaults=[(field.default_name, field.default) for field in fields if field.default is not None],
-        fresh=[field.default_name for field in fields if field.name in changeable],
-        fields=fields,
-        own=own,
-        **enumerated,
-    )
-
-
-def _enumerations(message: Message) -> dict[str, Mapping[str, object]]:
-    """Return the variables of the templates about enumerations: the classes, and those of single fields."""
-    by_field = enumerations(message)
-    classes: dict[str, Enumeration] = {each.name: each for each in by_field.values()}
-    single = {field.name for field in message.fields if isinstance(field.type, Primitive)}
-    return {
-        "enumerations": {name: each.members for name, each in classes.items()},
-        "enumerated": {field: each.name for field, each in by_field.items() if field in single},
-    }
-
-
-STUB_BUILTINS: Final = frozenset(
+_STUB_BUILTINS: Final = frozenset(
     {"bool", "bytearray", "bytes", "float", "int", "list", "object", "property", "str"}
 )
 """Builtins used in stubs; a field of such a name shadows one inside its class."""
 
+_BUILTINS: Final = frozenset({"bool", "bytes", "float", "int", "len", "str"})
+"""Builtins used in the fast paths of constructors; a field of such a name shadows one."""
+
+_MODULE_IMPORTS: Final = (
+    "from array import array as _array",
+    "from builtins import property as _property",
+    "from enum import IntEnum as _IntEnum",
+    "",
+    "import numpy as _numpy",
+    "from numpy import zeros as _zeros",
+    "from forge_rosidl import arrays as _arrays",
+    "from forge_rosidl import checks as _checks",
+    "from forge_rosidl import messages as _messages",
+    "from rosidl_parser import definition as _definition",
+    *(f"from forge_rosidl.empty import no_{name} as _no_{name}" for name in sorted(TYPE_CODES)),
+)
+_STUB_IMPORTS: Final = (
+    "from array import array as _array",
+    *(f"from builtins import {name} as _{name}" for name in sorted(_STUB_BUILTINS)),
+    "from enum import IntEnum as _IntEnum",
+    "from collections.abc import Sequence as _Sequence",
+    "from collections.abc import Set as _Set",
+    "from typing import Final as _Final",
+    "from typing import TypeAlias as _TypeAlias",
+    "",
+    "import numpy as _numpy",
+    "from numpy.typing import NDArray as _NDArray",
+)
+_CDR_IMPORTS: Final = (
+    "from array import array as _array",
+    "from itertools import repeat as _repeat",
+    "from forge_cdr import lazy as _lazy",
+    "from forge_cdr import pieces as _pieces",
+    "import numpy as _numpy",
+)
+_CDR_CONSTANTS: Final = ("HEADER", "HEADER_BYTES", "LITTLE_ENDIAN")
+
+
+def _names_in(code: Iterable[str]) -> set[str]:
+    """Return the names with a leading '_' in code, except those of attributes."""
+    return {name for text in code for name in re.findall(r"(?<!\.)\b_\w+", text)}
+
+
+def _imports(lines: Iterable[str], used: Collection[str]) -> list[str]:
+    """Return the import lines of the used names; a blank line separates two groups."""
+    selected = (line for line in lines if not line or line.rpartition(" ")[2] in used)
+    return "\n".join(selected).strip("\n").splitlines()
+
 
 @frozen
-class StubNames:
-    """The local names of classes and builtins in a stub."""
+class _Names:
+    """The local names of classes and builtins in a module and its stub."""
 
     classes: Mapping[TypeName, str]
     shadowed: AbstractSet[str]
+    """The builtins whose names fields have."""
 
     def builtin(self, name: str) -> str:
-        """Return the local name of a builtin, which has a leading '_' if it is shadowed."""
         return f"_{name}" if name in self.shadowed else name
 
     def element(self, element: Element) -> str:
@@ -271,60 +276,54 @@ class StubNames:
                 return read
 
 
-def view_stub(message: Message, enumerated: Mapping[str, object], names: StubNames) -> SimpleNamespace:
-    """Return the variables of a message class for the template of stubs."""
-    fields = {field.name for field in message.fields}
+def _message(message: Message, names: _Names) -> SimpleNamespace:
+    """Return the variables of a message class for the templates of modules and stubs.
+
+    `attribute` is the name of a field in Python code, which differs from `name` if that is a keyword.
+    """
+    field_names = {field.name for field in message.fields}
+    own = "_self" if "self" in field_names else "self"
+    direct = not field_names & _BUILTINS
+    by_field = enumerations(message)
+    single = {field.name for field in message.fields if isinstance(field.type, Primitive)}
     return SimpleNamespace(
         name=message.name.name,
-        own="_self" if "self" in fields else "self",
+        own=own,
         doc=docstring(message.doc or (f"Message class '{message.name.name}'.",)),
+        doc_end="" if message.constants else '"""',
         constants=[
-            (constant.name, names.getter_type(constant.type), docstring(constant.doc))
+            SimpleNamespace(
+                name=constant.name,
+                value=literal(constant.type, constant.value),
+                type=names.getter_type(constant.type),
+                doc=docstring(constant.doc),
+            )
             for constant in message.constants
         ],
+        units={field.name: repr(field.unit) for field in message.fields if field.unit},
+        fresh=[_default_name(field) for field in message.fields if isinstance(field.default, tuple)],
         fields=[
             SimpleNamespace(
-                name=python_attribute(field.name),
+                name=field.name,
+                attribute=python_attribute(field.name),
+                type_text=repr(type_text(field.type)),
+                slot_type=slot_type(field.type),
+                build=_build(field, names.classes, own, direct=direct),
+                accept=_accept(field, names.classes),
+                default=None if field.default is None else literal(field.type, field.default),
+                default_name=_default_name(field),
                 getter_type=names.getter_type(field.type),
                 setter_type=names.setter_type(field.type),
                 doc=docstring((*field.doc, *([f"[{field.unit}]"] if field.unit else []))),
-                default=None if field.default is None else f"{field.name.upper()}__DEFAULT",
             )
             for field in message.fields
         ],
+        enumerations={each.name: each.members for each in by_field.values()},
+        enumerated={field: each.name for field, each in by_field.items() if field in single},
         # The type of the constructor's argument of this name, unless a field has it.
         # Not bool: an unpacked dict[str, float] could not be passed then.
-        check_fields=None if "check_fields" in fields else names.builtin("object"),
-        **enumerated,
+        check_fields=None if "check_fields" in field_names else names.builtin("object"),
     )
-
-
-def stub_imports(
-    messages: Collection[Message], shadowed: Iterable[str], *, aliases: bool, enums: bool
-) -> list[str]:
-    """Return the import lines of a stub, the standard library's first.
-
-    `aliases` is True if the module has a service or an action, whose messages are also class attributes,
-    `enums` if a message has enumerations.
-    """
-    fields = [field for message in messages for field in message.fields]
-    types = [field.type for field in fields]
-    lines = [f"from builtins import {name} as _{name}" for name in sorted(shadowed)]
-    lines += ["from enum import IntEnum as _IntEnum"] * enums
-    if any(isinstance(type_, Sequence) and numeric(type_) for type_ in types):
-        lines.insert(0, "from array import array as _array")
-    if any(isinstance(type_, Array | Sequence) for type_ in types):
-        lines += [
-            "from collections.abc import Sequence as _Sequence",
-            "from collections.abc import Set as _Set",
-        ]
-    if any(message.constants for message in messages) or any(f.default is not None for f in fields):
-        lines.append("from typing import Final as _Final")
-    if aliases:
-        lines.append("from typing import TypeAlias as _TypeAlias")
-    if any(isinstance(type_, Array) and numeric(type_) for type_ in types):
-        lines += ["", "import numpy as _numpy", "from numpy.typing import NDArray as _NDArray"]
-    return lines
 
 
 def docstring(lines: Iterable[str]) -> tuple[str, ...]:
@@ -350,87 +349,50 @@ def _safe_line(line: str) -> str:
 HIGHEST: Final = {"char": 127, "wchar": 65535}
 FLOAT_MAX: Final = "3.4028234663852886e+38"
 
-BUILTINS: Final = frozenset({"bool", "bytes", "float", "int", "len", "str"})
-"""Builtins used in the fast paths of constructors; a field of such a name shadows one."""
+
+def _default_name(field: Field) -> str:
+    return f"{field.name.upper()}__DEFAULT"
 
 
-@frozen
-class Scope:
-    """The names used inside the methods of a message class."""
+def _build(field: Field, classes: Mapping[TypeName, str], own: str, *, direct: bool) -> tuple[str, ...]:
+    """Return the lines of the constructor about a field; `own` is the name of its first parameter.
 
-    classes: Mapping[TypeName, str]
-    """The local names of message classes."""
-    own: str = "self"
-    """The name of the first parameter of the constructor."""
-    direct: bool = True
-    """Whether the constructor can call builtins, because no field shadows one."""
-
-
-def view_field(field: Field, scope: Scope) -> SimpleNamespace:
-    """Return the variables of a field for the template.
-
-    `attribute` is the name in Python code, which differs from `name` if that is a keyword; `needs` are the
-    imports that the code needs: 'array', 'arrays', 'numpy', 'zeros', 'no_double' and so on.
+    With `direct`, it can call builtins, because no field shadows one.
     """
-    return SimpleNamespace(
-        name=field.name,
-        attribute=python_attribute(field.name),
-        type_text=repr(type_text(field.type)),
-        slot_type=slot_type(field.type),
-        build=_build(field, scope),
-        accept=_accept(field, scope.classes),
-        default=None if field.default is None else literal(field.type, field.default),
-        default_name=f"{field.name.upper()}__DEFAULT",
-        needs=_needs(field),
-    )
-
-
-def _needs(field: Field) -> frozenset[str]:
-    number, own = numeric(field.type), field.default is None
-    if number is None:
-        return frozenset()
-    if isinstance(field.type, Array):
-        words = {"arrays": True, "zeros": own, "numpy": number != "double" or not own}
-    else:
-        words = {"array": not (own and _bound(field.type, "")), f"no_{number}": own}
-    return frozenset(word for word, used in words.items() if used)
-
-
-def _build(field: Field, scope: Scope) -> tuple[str, ...]:
-    name, slot = python_attribute(field.name), f"{scope.own}._{field.name}"
+    name, slot = python_attribute(field.name), f"{own}._{field.name}"
     # The property setter reports a default that is out of range, as one of float32 may be.
     size = abs(field.default) if isinstance(field.default, float) and field.type == Primitive("float") else 0
-    target = f"{scope.own}.{name}" if size > float(FLOAT_MAX) and not isinf(size) else slot
-    lines = [f"if {name} is ...:", f"    {target} = {_own_value(field, scope)}"]
+    target = f"{own}.{name}" if size > float(FLOAT_MAX) and not isinf(size) else slot
+    lines = [f"if {name} is ...:", f"    {target} = {_own_value(field, classes, own)}"]
     if numeric(field.type) and field.default is None:
         return (*lines, "else:", f"    {slot} = {_convert(field)}")
-    if scope.direct and not isinstance(field.type, Array | Sequence):
+    if direct and not isinstance(field.type, Array | Sequence):
         # The condition under which a value is valid without further checks.
         if isinstance(field.type, Named):
-            tests = [f"{name}.__class__ is {scope.classes[field.type.name]}"]
+            tests = [f"{name}.__class__ is {classes[field.type.name]}"]
         else:
             tests = _tests(field.type, name)
         lines += [f"elif {' and '.join(tests)}:", f"    {slot} = {name}"]
-    return (*lines, "else:", f"    {scope.own}.{name} = {name}")
+    return (*lines, "else:", f"    {own}.{name} = {name}")
 
 
-def _own_value(field: Field, scope: Scope) -> str:
+def _own_value(field: Field, classes: Mapping[TypeName, str], own: str) -> str:
     """Return the expression for the default of a field; messages do not share mutable values."""
     if isinstance(field.type, Array | Sequence) and field.default is not None:
         copied = ".copy()" if numeric(field.type) and isinstance(field.type, Array) else "[:]"
-        return f"{scope.own}.{field.name.upper()}__DEFAULT{copied}"
+        return f"{own}.{_default_name(field)}{copied}"
     match field.type:
         case Array(of, size):
             number = numeric(field.type)
             if number:  # double is numpy's default, which is the fastest
                 return f"_zeros({size})" if number == "double" else f"_zeros({size}, _numpy.{DTYPES[number]})"
             if isinstance(of, Named):
-                return f"_messages.several({scope.classes[of.name]}, {size})"
+                return f"_messages.several({classes[of.name]}, {size})"
             return f"[{zero(of)}] * {size}"
         case Sequence():
             return f"_no_{numeric(field.type)}[:]" if numeric(field.type) else "[]"
         case Named(name):
-            return f"{scope.classes[name]}()"
+            return f"{classes[name]}()"
         case single:
             return zero(single) if field.default is None else scalar(single, field.default)
 
@@ -523,18 +485,6 @@ def _bound(type_: Type, prefix: str) -> str:
     return f", {prefix}{type_.bound}" if isinstance(type_, Sequence) and type_.bound is not None else ""
 
 
-_CDR_IMPORTS = (
-    ("_array(", "from array import array as _array"),
-    ("_repeat(", "from itertools import repeat as _repeat"),
-    ("_lazy.", "from forge_cdr import lazy as _lazy"),
-    ("_pieces.", "from forge_cdr import pieces as _pieces"),
-    ("_ndarray(", "import numpy as _numpy"),
-)
-"""Imports of a generated module, each added only if the text uses it."""
-
-_CDR_CONSTANTS = ("HEADER", "HEADER_BYTES", "LITTLE_ENDIAN")
-
-
 def _serializers(catalog: Catalog, root: str) -> Callable[[Interface], Iterator[File]]:
     """Return a function that yields the serializers of one interface: a module that is imported on first use.
 
@@ -553,7 +503,7 @@ def _serializers(catalog: Catalog, root: str) -> Callable[[Interface], Iterator[
         for name in own:
             module.class_of(name)
         functions = [function for name in own for function in _factories(name, module, layouts)]
-        text = "\n".join(line for function in functions for line in (*function.tables, *function.lines))
+        used = _names_in(line for function in functions for line in (*function.tables, *function.lines))
         classes = [
             (home if name in module.own else module_name(name), name.name, local)
             for name, local in sorted(module.classes.items())
@@ -562,12 +512,12 @@ def _serializers(catalog: Catalog, root: str) -> Callable[[Interface], Iterator[
         source = render(
             "python/cdr.py.j2",
             title=str(interface.name),
-            shared=[line for use, line in _CDR_IMPORTS if use in text],
+            shared=_imports(_CDR_IMPORTS, used),
             imported=[(f"{root}{path}", name, local) for path, name, local in (*classes, *others)],
             # Functions look up names faster as module globals than as attributes.
             constants=[
-                *(["_ndarray = _numpy.ndarray"] if "_ndarray(" in text else []),
-                *(f"_{name} = _pieces.{name}" for name in _CDR_CONSTANTS if re.search(rf"_{name}\b", text)),
+                *(["_ndarray = _numpy.ndarray"] if "_ndarray" in used else []),
+                *(f"_{name} = _pieces.{name}" for name in _CDR_CONSTANTS if f"_{name}" in used),
             ],
             functions=functions,
         )
