@@ -24,6 +24,7 @@ from forge.interfaces.model import (
     TypeName,
     element_of,
     messages_of,
+    services_of,
 )
 
 Description = dict[str, Any]
@@ -97,37 +98,32 @@ def structures_of(interface: Interface) -> Iterator[tuple[TypeName, tuple[Field,
     """Yield each type that an interface defines or implies, with its fields; services have three."""
     for message in messages_of(interface):
         yield message.name, message.members
-    match interface:
-        case Service():
-            yield from _service(interface)
-        case Action():
-            yield from _service(interface.send_goal)
-            yield from _service(interface.get_result)
-            yield (
-                interface.name,
-                (
-                    Field("goal", Named(interface.goal.name)),
-                    Field("result", Named(interface.result.name)),
-                    Field("feedback", Named(interface.feedback.name)),
-                    Field("send_goal_service", Named(interface.send_goal.name)),
-                    Field("get_result_service", Named(interface.get_result.name)),
-                    Field("feedback_message", Named(interface.feedback_message.name)),
-                ),
-            )
-        case Message():
-            pass
+    for service in services_of(interface):
+        yield service.event.name, service.event.members
+        yield (
+            service.name,
+            _fields_of(
+                request_message=service.request,
+                response_message=service.response,
+                event_message=service.event,
+            ),
+        )
+    if isinstance(interface, Action):
+        yield (
+            interface.name,
+            _fields_of(
+                goal=interface.goal,
+                result=interface.result,
+                feedback=interface.feedback,
+                send_goal_service=interface.send_goal,
+                get_result_service=interface.get_result,
+                feedback_message=interface.feedback_message,
+            ),
+        )
 
 
-def _service(service: Service) -> Iterator[tuple[TypeName, tuple[Field, ...]]]:
-    yield service.event.name, service.event.members
-    yield (
-        service.name,
-        (
-            Field("request_message", Named(service.request.name)),
-            Field("response_message", Named(service.response.name)),
-            Field("event_message", Named(service.event.name)),
-        ),
-    )
+def _fields_of(**parts: Message | Service) -> tuple[Field, ...]:
+    return tuple(Field(name, Named(part.name)) for name, part in parts.items())
 
 
 def _described_type(type_: Type) -> Description:

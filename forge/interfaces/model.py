@@ -256,10 +256,17 @@ def element_of(type_: Type) -> Element:
     return type_.of if isinstance(type_, Array | Sequence) else type_
 
 
+def references_of(message: Message) -> Iterator[tuple[Field, TypeName]]:
+    """Yield the fields whose type contains a message, and the type of that message."""
+    for member in message.fields:
+        element = element_of(member.type)
+        if isinstance(element, Named):
+            yield member, element.name
+
+
 def nested_types(messages: Iterable[Message]) -> set[TypeName]:
     """Return the message types of all fields."""
-    elements = (element_of(field.type) for message in messages for field in message.fields)
-    return {element.name for element in elements if isinstance(element, Named)}
+    return {name for message in messages for _, name in references_of(message)}
 
 
 _UUID = Named(TypeName("unique_identifier_msgs", "msg", "UUID"))

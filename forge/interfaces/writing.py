@@ -1,7 +1,7 @@
 """Generate the files of catalogs for each target, and write the changed ones; remove obsolete ones.
 
-The ledger of an output folder contains the files that earlier runs generated, and hashes of their inputs and
-contents. Without it, all files are generated again.
+The ledger of an output folder contains the files that earlier runs generated, their times, and hashes of
+their inputs. A file that has changed since is generated again; without a ledger, all are.
 """
 
 from __future__ import annotations
@@ -139,26 +139,17 @@ def _digest_of_texts(*texts: str) -> str:
 STATE_FOLDER = ".forge"
 """The folder with the ledgers, inside the output folder."""
 
-_VERSION = 4
+_VERSION = 5
 _RACY_NANOSECONDS = 20_000_000
 """A file may be written twice in this time without a change of its times."""
 
 
 @frozen
-class FileState:
-    """The content digest of a file, its mode, and its stat; without a stat, its content is read."""
-
-    digest: str
-    mode: int
-    stat: tuple[int, ...]
-
-
-@frozen
 class PartState:
-    """The digest of the inputs of a part, and the states of its files."""
+    """The digest of the inputs of a part, and the mode of each file, with size and times unless it is new."""
 
     digest: str | None
-    files: Mapping[str, FileState]
+    files: Mapping[str, tuple[int, ...]]
 
 
 @frozen
@@ -175,35 +166,21 @@ class OutputState:
         for part in self.parts.values():
             yield from part.files
 
-    def up_to_date(self, part: str, digest: str | None, out: Path) -> PartState | None:
+    def up_to_date(self, part: Part, out: Path) -> PartState | None:
         """Return the state of a part if its digest matches and all its files exist unchanged, else None."""
-        state = self.parts.get(part)
-        if state is None or digest is None or state.digest != digest:
+        state = self.parts.get(part.key)
+        if state is None or part.digest is None or state.digest != part.digest:
             return None
-        files = {path: _unchanged(out, path, file) for path, file in state.files.items()}
-        return None if None in files.values() else PartState(digest, {p: f for p, f in files.items() if f})
-
-
-def _unchanged(out: Path, path: str, state: FileState) -> FileState | None:
-    """Return the current state of a file that is still as it was written, else None."""
-    try:
-        status = os.lstat(f"{out}/{path}")
-        if status.st_mode != state.mode:
+        try:
+            unchanged = all(_stat(f"{out}/{path}") == stat for path, stat in state.files.items())
+        except OSError:
             return None
-        if state.stat == _stat_of(status):
-            return state
-        digest = _digest(Path(out, path).read_bytes())
-    except OSError:
-        return None
-    return FileState(digest, status.st_mode, _stat_of(status)) if digest == state.digest else None
+        return state if unchanged else None
 
 
-def _stat_of(status: os.stat_result) -> tuple[int, ...]:
-    return status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino
-
-
-def _digest(content: bytes) -> str:
-    return hashlib.blake2b(content, digest_size=16).hexdigest()
+def _stat(path: str) -> tuple[int, ...]:
+    status = os.lstat(path)
+    return status.st_mode, status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino
 
 
 def ledger_of(package: str, out: Path) -> Path:
@@ -237,13 +214,7 @@ def _read(path: Path) -> OutputState:
             return OutputState()
         return OutputState(
             {
-                key: PartState(
-                    digest,
-                    {
-                        name: FileState(str(content), int(mode), tuple(numbers))
-                        for name, (content, mode, *numbers) in files.items()
-                    },
-                )
+                key: PartState(digest, {name: tuple(map(int, stat)) for name, stat in files.items()})
                 for key, (digest, files) in state["parts"].items()
             },
             tuple(TypeName(*name.split("/")) for name in state["needs"]),
@@ -282,20 +253,17 @@ def write(
     written: dict[str, PartState] = {}
     try:
         for part in parts:
-            current = before.up_to_date(part.key, part.digest, out)
+            current = before.up_to_date(part, out)
             if current is None:
                 # Until this run ends, the ledger would not list all files.
                 ledger.unlink(missing_ok=True)
-                files: dict[str, FileState] = {}
+                files: dict[str, tuple[int, ...]] = {}
                 for file in part.files():
                     path = out / file.path
                     old = before.parts.get(part.key, _UNKNOWN).files.get(file.path)
-                    mode = old.mode & 0o777 if old else None
-                    if write_if_changed(path, file.text, mode=mode):
+                    if write_if_changed(path, file.text, mode=old[0] & 0o777 if old else None):
                         changed.append(path)
-                    status = os.lstat(path)
-                    digest = _digest(file.text.encode(errors="surrogateescape"))
-                    files[file.path] = FileState(digest, status.st_mode, _stat_of(status))
+                    files[file.path] = _stat(str(path))
                 current = PartState(part.digest, files)
             written[part.key] = current
         languages = {key.partition(" ")[0] for key in written}
@@ -329,12 +297,8 @@ def _text_of(state: OutputState) -> str:
         key: [
             part.digest,
             {
-                path: [
-                    each.digest,
-                    each.mode,
-                    *(each.stat if max(each.stat[1:3], default=0) < stable else ()),
-                ]
-                for path, each in part.files.items()
+                path: stat if max(stat[2:4], default=0) < stable else stat[:1]
+                for path, stat in part.files.items()
             },
         ]
         for key, part in sorted(state.parts.items())

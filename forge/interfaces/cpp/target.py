@@ -167,7 +167,7 @@ def _headers(interface: Interface, wire: MembersViews, definition: str) -> Itera
         "traits",
         headers=[own_struct, *sorted([*(detail_path(other, "traits", "hpp") for other in others), *runtime])],
         messages=[
-            (message.name.name, _yaml_statements(message, by_field))
+            (message.name.name, list(_yaml_statements(message, by_field)))
             for message, by_field in zip(messages, named, strict=True)
         ],
         types=list(_type_traits(interface)),
@@ -278,25 +278,20 @@ def _builder_steps(message: Message) -> Iterator[SimpleNamespace]:
         result, returned = f"{name}<Message>", f"{name}<Message>(std::move(_message))"
 
 
-def _yaml_statements(message: Message, found: Mapping[str, Enumeration]) -> list[str]:
-    names = {
-        field: f"::{message.name.package}::{message.name.kind}::{message.name.name}_{each.name}"
-        for field, each in found.items()
-    }
-    return [_yaml_statement(field, names.get(field.name)) for field in message.fields]
-
-
-def _yaml_statement(field: Field, enumeration: str | None) -> str:
-    many = "s" if isinstance(field.type, Array | Sequence) else ""
-    match element_of(field.type):
-        case Named():
-            kind = "message"
-        case Primitive("octet" | "char"):
-            kind = "octet"
-        case _:
-            kind = "scalar"
-    named = f", to_string({enumeration}{{_message.{field.name}}})" if enumeration and not many else ""
-    return f'_out.{kind}{many}("{field.name}", _message.{field.name}{named});'
+def _yaml_statements(message: Message, found: Mapping[str, Enumeration]) -> Iterator[str]:
+    for field in message.fields:
+        name, many = field.name, "s" if isinstance(field.type, Array | Sequence) else ""
+        match element_of(field.type):
+            case Named():
+                kind = "message"
+            case Primitive("octet" | "char"):
+                kind = "octet"
+            case _:
+                kind = "scalar"
+        named = ""
+        if name in found and not many:
+            named = f", to_string({qualified(message.name)}_{found[name].name}{{_message.{name}}})"
+        yield f'_out.{kind}{many}("{name}", _message.{name}{named});'
 
 
 def _type_traits(interface: Interface) -> Iterator[SimpleNamespace]:

@@ -30,21 +30,20 @@ from forge.interfaces.model import (
 from forge.interfaces.read.literals import QUOTES
 from forge.interfaces.read.parsing import Parsed
 
-_AVOIDED = {
-    "it is a macro in common headers": """
-        assert errno linux major makedev minor signals slots stderr stdin stdout unix
-    """,
-    "it shadows a method of the Python class": "get_constants get_fields_and_field_types",
-}
+_MACROS = "assert errno linux major makedev minor signals slots stderr stdin stdout unix"
 _NAMES = {
     **dict.fromkeys(CPP20_KEYWORDS, "it is a keyword of C++20"),
-    **{name: reason for reason, names in _AVOIDED.items() for name in names.split()},
+    **dict.fromkeys(_MACROS.split(), "it is a macro in common headers"),
+    **dict.fromkeys(
+        ("get_constants", "get_fields_and_field_types"), "it shadows a method of the Python class"
+    ),
 }
-_MACROS = """
+_CONSTANT_NAMES = frozenset(
+    """
     BUFSIZ DOMAIN EOF FALSE FAR HUGE_VAL IN INFINITY INT_MAX INT_MIN NAN NEAR NULL OUT OVERFLOW
     PLOSS RAND_MAX SING STRICT TLOSS TRUE UNDERFLOW
-"""
-_CONSTANT_NAMES = frozenset(_MACROS.split())
+    """.split()
+)
 _FLOAT_MAX = 3.4028234663852886e38
 
 _LEADING_ZERO = re.compile(r"[+-]?0+[0-9_]*[1-9][0-9_]*")

@@ -18,12 +18,11 @@ from forge.interfaces.model import (
     Field,
     Interface,
     Message,
-    Named,
     Source,
     TypeName,
-    element_of,
     messages_of,
     nested_types,
+    references_of,
     with_events,
 )
 from forge.interfaces.read.parsing import Parsed
@@ -107,15 +106,14 @@ class _Search:
     def follow(self, start: Message) -> None:
         waiting = [start]
         while waiting:
-            for member in waiting.pop().fields:
-                element = element_of(member.type)
-                if not isinstance(element, Named) or element.name in self.own or element.name in self.found:
+            for member, name in references_of(waiting.pop()):
+                if name in self.own or name in self.found:
                     continue
-                message = self._look_up(element.name)
+                message = self._look_up(name)
                 if message:
                     waiting.append(message)
-                elif element.name not in self._broken:
-                    self.problems.append(self._unknown(start, member, element.name))
+                elif name not in self._broken:
+                    self.problems.append(self._unknown(start, member, name))
 
     def _look_up(self, name: TypeName) -> Message | None:
         if name in self._broken or name.package == self.package:
@@ -169,7 +167,7 @@ class _Search:
             (text for text, candidate in candidates.items() if candidate.name == name.name),
             key=lambda text: (not self.known.declares(candidates[text].package), text),
         )
-        first = next(iter(namesakes), None)
+        first = namesakes[0] if namesakes else None
         if name.package == package:  # most often written without its package
             # The common package name would make any two names similar.
             own = {each.name: text for text, each in candidates.items() if each.package == name.package}
@@ -202,10 +200,9 @@ def cycle_problems(messages: Mapping[TypeName, Message]) -> list[Problem]:
     """Return a problem for each cycle of nested messages."""
     needs: dict[TypeName, dict[TypeName, Field]] = defaultdict(dict)
     for name, message in messages.items():
-        for member in message.fields:
-            element = element_of(member.type)
-            if isinstance(element, Named) and element.name in messages:
-                needs[name].setdefault(element.name, member)
+        for member, inner in references_of(message):
+            if inner in messages:
+                needs[name].setdefault(inner, member)
     problems: list[Problem] = []
     while len(problems) < _MAX_REPORTED:
         try:
@@ -312,7 +309,4 @@ def _references(interface: Interface) -> Iterator[tuple[Field, TypeName]]:
     messages = tuple(messages_of(interface))
     own = {message.name for message in messages}
     for message in messages:
-        for member in message.fields:
-            element = element_of(member.type)
-            if isinstance(element, Named) and element.name not in own:
-                yield member, element.name
+        yield from (pair for pair in references_of(message) if pair[1] not in own)

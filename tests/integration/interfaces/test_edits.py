@@ -168,7 +168,7 @@ def test_only_files_of_the_definition_and_its_users_are_written(forge: Forge, tr
     assert times(root) == after
 
 
-@pytest.mark.parametrize("text", [None, "", "{}", '{"version": 4, "parts": {"cpp p": ["x", {"a": []}]}}'])
+@pytest.mark.parametrize("text", [None, "", "{}", '{"version": 5, "parts": {"cpp p": ["x", {"a": []}]}}'])
 def test_a_missing_ledger_regenerates_all_files(forge: Forge, tree: Tree, text: str | None) -> None:
     root = tree(SHAPES)
     assert generate(forge, root, "out") == 0
