@@ -229,6 +229,17 @@ def with_events(interface: Interface) -> Interface:
     return interface if isinstance(interface, Message) else replace(interface, has_events=True)
 
 
+def interface_of(name: TypeName, sections: Iterable[Message]) -> Interface:
+    """Return the interface with one section (a message), two (a service) or three (an action)."""
+    match list(sections):
+        case [message]:
+            return message
+        case [request, response]:
+            return Service(name, request, response)
+        case parts:
+            return Action(name, *parts)
+
+
 def sections_of(interface: Interface) -> tuple[Message, ...]:
     """Return the messages defined in the interface's file, without derived ones."""
     match interface:

@@ -18,7 +18,6 @@ from forge.base.names import did_you_mean, python_attribute
 from forge.interfaces.idl.values import Expression, read_expression, read_size, value_of
 from forge.interfaces.model import (
     HIDDEN_MEMBER,
-    Action,
     Array,
     Constant,
     Field,
@@ -27,22 +26,24 @@ from forge.interfaces.model import (
     Named,
     Primitive,
     Sequence,
-    Service,
     Source,
     String,
     Type,
     TypeName,
     Value,
+    interface_of,
 )
 from forge.interfaces.read.declarations import check_keyword
 from forge.interfaces.read.literals import ParseError
+from forge.interfaces.read.parsing import SECTIONS
 
 if TYPE_CHECKING:
     from lark import Lark, Token, Tree
     from lark.exceptions import UnexpectedInput
 
 
-_SECTIONS = {2: ("_Request", "_Response"), 3: ("_Goal", "_Result", "_Feedback")}
+_SECTIONS = {len(suffixes): suffixes for suffixes in SECTIONS.values()}
+"""The suffixes of the structs of an interface, by their number."""
 _DEPTH = 2
 """The number of modules around a struct: the package and the namespace."""
 
@@ -218,8 +219,8 @@ class FileReader:
             self.problems.append(Problem(message, Location(str(self.source.path))))
             return
         file = PurePosixPath(self.source.relative)
-        stem, sections = file.stem, _SECTIONS.get(len(words), ("",))
-        if file.parent.name == "msg" and sections != ("",) and f"{stem}{sections[0]}" not in words:
+        stem, sections = file.stem, _SECTIONS[len(words)]
+        if file.parent.name == "msg" and len(words) > 1 and f"{stem}{sections[0]}" not in words:
             message = f"a message is one struct, but the file has {len(words)}"
             self._report(message, words[1], "write each message into a separate file")
             return
@@ -232,20 +233,14 @@ class FileReader:
 
     def has_interface(self) -> bool:
         """Return whether the number of structs is valid for a message, a service or an action."""
-        return 1 <= len(self._messages) <= len(_SECTIONS) + 1
+        return len(self._messages) in _SECTIONS
 
     def interface(self) -> Interface:
         """Return the interface, without invalid members; call this only if there is one."""
         first = self._messages[0]
         stem = PurePosixPath(self.source.relative).stem
         name = TypeName(first.name.package, first.name.kind, stem)
-        match self._messages:
-            case [message]:
-                return message
-            case [request, response]:
-                return Service(name, request, response)
-            case messages:
-                return Action(name, *messages)
+        return interface_of(name, self._messages)
 
     def place(self, offset: int) -> Location:
         if not self._starts:
@@ -435,12 +430,9 @@ class FileReader:
                 )
             values: dict[str, Expression] = {}
             with self._reporting():
-                for parameter in cast("list[Tree[Token] | None]", parameters):
-                    if parameter is not None and parameter.data == "parameter":
-                        key, value = parameter.children
-                        values[str(key)] = read_expression(cast("Tree[Token]", value))
-                    elif parameter is not None:
-                        values[""] = read_expression(parameter)
+                for parameter in cast("list[Tree[Token]]", list(filter(None, parameters))):
+                    key, value = parameter.children if parameter.data == "parameter" else ("", parameter)
+                    values[str(key)] = read_expression(cast("Tree[Token]", value))
                 annotations.setdefault(str(name), []).append(values)
         return annotations
 

@@ -14,16 +14,15 @@ from forge.base.frozen import frozen
 from forge.base.names import TYPE_NAME
 from forge.interfaces.model import (
     HIDDEN_MEMBER,
-    Action,
     Constant,
     Field,
     Interface,
     Message,
     Primitive,
-    Service,
     Source,
     String,
     TypeName,
+    interface_of,
 )
 from forge.interfaces.read.declarations import Declaration, read_declaration
 from forge.interfaces.read.literals import ParseError, read_value
@@ -95,13 +94,7 @@ def parse_leniently(source: Source) -> tuple[Interface, list[Problem]]:
     ]
     # Problems of the whole file come first.
     problems.sort(key=lambda problem: (problem.location.line or 0) if problem.location else 0)
-    match messages:
-        case [message]:
-            return message, problems
-        case [request, response]:
-            return Service(name, request, response), problems
-        case _:
-            return Action(name, *messages), problems
+    return interface_of(name, messages), problems
 
 
 def type_name(source: Source) -> TypeName:
