@@ -10,7 +10,7 @@ from forge.base.templating import render
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import Catalog, Constant, Field, File, Type, Value, sections_of
 from forge.interfaces.notation import BIDI_CONTROLS, type_text
-from forge.plugins.interface_pages.pages import TITLES
+from forge.plugins.interface_pages.site import TITLES
 
 _MARKUP = re.compile(r"([\\`*_<>\[\]|#])")
 _UNSEEN = re.compile(f"[\0-\x1f\x7f-\x9f\u2028\u2029]|{BIDI_CONTROLS.pattern}")

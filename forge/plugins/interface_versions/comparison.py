@@ -8,6 +8,7 @@ constants. The *API* is kept if code written for the old version still compiles 
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import field
 from difflib import SequenceMatcher
@@ -123,15 +124,17 @@ def _compared(name: TypeName, old: Version, new: Version, wires: _Wires) -> Diff
     changes: list[Change] = []
     for title, before, after in zip(titles, *sections, strict=True):
         changes += _section_changes(title, before, after, moves)
-    breaks = {API} if any(change.api for change in changes) else set()
-    keeps_wire = not moves and all(wires.kept(*pair) for pair in zip(*sections, strict=True))
-    breaks |= set() if keeps_wire else {WIRE}
-    breaks |= {HASH} if hashes[0] != hashes[1] else set()
+    broken = {
+        WIRE: moves or not all(wires.kept(*pair) for pair in zip(*sections, strict=True)),
+        HASH: hashes[0] != hashes[1],
+        API: any(change.api for change in changes),
+    }
+    breaks = frozenset(aspect for aspect, is_broken in broken.items() if is_broken)
     inner = sorted(nested_types(sections[0]) & nested_types(sections[1]))
     hashers = old.hashers[name.package], new.hashers[name.package]
     changed = [each for each in inner if hashers[0].hash(each) != hashers[1].hash(each)]
     changes += (Change(f"contains {each}, which has changed") for each in changed)
-    return Difference(name, frozenset(breaks), tuple(changes), hashes) if changes or breaks else None
+    return Difference(name, breaks, tuple(changes), hashes) if changes or breaks else None
 
 
 def _moves(
@@ -140,10 +143,10 @@ def _moves(
     """Return the old and the new section of each field that has moved to another one."""
 
     def homes(sections: tuple[Message, ...]) -> dict[str, list[str]]:
-        titles_by_name: dict[str, list[str]] = {}
+        titles_by_name = defaultdict(list)
         for title, section in zip(titles, sections, strict=True):
             for each in section.fields:
-                titles_by_name.setdefault(each.name, []).append(title)
+                titles_by_name[each.name].append(title)
         return titles_by_name
 
     before, after = homes(old), homes(new)
@@ -241,26 +244,23 @@ def _field_changes(where: str, old: Message, new: Message, moved: Collection[str
     matcher = SequenceMatcher(a=names[0], b=names[1], autojunk=False)
     for _, i1, i2, j1, j2 in (each for each in matcher.get_opcodes() if each[0] != "equal"):
         old_fields, new_fields = before[i1:i2], after[j1:j2]
-        if len(old_fields) == len(new_fields):
-            other_names = {*names[0], *names[1]} - {each.name for each in (*old_fields, *new_fields)}
-            for one, other in zip(old_fields, new_fields, strict=True):
-                is_renamed = one.type == other.type and not {one.name, other.name} & other_names
-                if is_renamed and one.name not in names[1] and other.name not in names[0]:
-                    yield Change(f"field '{one.name}'{where} is now called '{other.name}'", api=True)
-                else:
-                    removed.append(one)
-                    added.append(other)
-        else:
+        if len(old_fields) != len(new_fields):
             removed += old_fields
             added += new_fields
+            continue
+        for one, other in zip(old_fields, new_fields, strict=True):
+            if one.type == other.type and one.name not in names[1] and other.name not in names[0]:
+                yield Change(f"field '{one.name}'{where} is now called '{other.name}'", api=True)
+            else:
+                removed.append(one)
+                added.append(other)
     for one in removed:
-        if one.name not in names[1]:
-            yield Change(f"field '{one.name}'{where} was removed", api=True)
-        else:
+        if one.name in names[1]:
             yield Change(f"field '{one.name}'{where} has moved")
-    for other in added:
-        if other.name not in names[0]:
-            yield Change(f"field '{other.name}'{where} is new")
+        else:
+            yield Change(f"field '{one.name}'{where} was removed", api=True)
+    added_names = [other.name for other in added if other.name not in names[0]]
+    yield from (Change(f"field '{name}'{where} is new") for name in added_names)
     later = {each.name: each for each in after}
     for one in before:
         if one.name in later:

@@ -19,8 +19,7 @@ from forge.plugins.interface_versions.comparison import (
     compare,
     version_of,
 )
-from forge.plugins.interface_versions.packages import workspace_packages
-from forge.plugins.interface_versions.versions import read_version
+from forge.plugins.interface_versions.versions import read_version, workspace_packages
 
 _IN_WORDS = {WIRE: "the wire", HASH: "the hash", API: "the API"}
 
@@ -86,14 +85,11 @@ def _heading(difference: Difference) -> str:
         return f"{difference.name}: new"
     if not difference.hashes[1]:
         return f"{difference.name}: removed"
-    return f"{difference.name}: {_effect(difference)}"
-
-
-def _effect(difference: Difference) -> str:
     broken = [_IN_WORDS[each] for each in ASPECTS if each in difference.breaks]
     if not broken:
-        return "keeps the wire, the hash and the API"
-    return f"breaks {', '.join(broken[:-1])}{' and ' if broken[1:] else ''}{broken[-1]}"
+        return f"{difference.name}: keeps the wire, the hash and the API"
+    last = f"{' and ' if broken[1:] else ''}{broken[-1]}"
+    return f"{difference.name}: breaks {', '.join(broken[:-1])}{last}"
 
 
 def _summary(differences: Sequence[Difference], total: int, incomparable: int) -> str:

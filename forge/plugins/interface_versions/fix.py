@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Collection, Container, Iterable, Iterator, Mapping
 from difflib import unified_diff
 from pathlib import Path, PurePosixPath
 
 from forge.base.errors import InterfaceError, Location, Problem, SelectionError, WorkspaceError, raise_if_any
+from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.options import flag, option
 from forge.base.text import counted
 from forge.interfaces.model import Source, sections_of
 from forge.interfaces.read.parsing import parse_leniently
 from forge.interfaces.read.sources import read_source
-from forge.plugins.interface_versions.packages import definitions_in, packages_in, workspace_packages
 from forge.plugins.interface_versions.rewriting import (
     BUILT_IN,
     Renamed,
@@ -23,6 +23,7 @@ from forge.plugins.interface_versions.rewriting import (
     texts_of_ros1,
     type_name,
 )
+from forge.plugins.interface_versions.versions import definitions_in, packages_in, workspace_packages
 
 
 @frozen
@@ -61,7 +62,9 @@ def run(options: Options) -> int:
 
     Raises InterfaceError for remaining errors, after printing or applying everything else.
     """
-    packages = [each for folder in options.folders for each in packages_in(Path(folder), _name_of(folder))]
+    packages = [
+        each for folder in options.folders for each in packages_in(Path(folder), Path(folder).resolve().name)
+    ]
     if not any(any(definitions_in(home)) for _, home in packages):
         hint = "name folders with packages that have folders msg, srv or action"
         raise SelectionError(Problem(f"found no interfaces in '{', '.join(options.folders)}'", hint=hint))
@@ -86,10 +89,6 @@ def run(options: Options) -> int:
     print(f"{verb} {counted(len(changed), 'file')} of {len(fixes) + len(used)}")
     raise_if_any((*unread, *_left(fixes, written=options.write)), InterfaceError)
     return int(bool(changed) and not options.write)
-
-
-def _name_of(folder: str) -> str:
-    return Path(folder).resolve().name
 
 
 def _sources(package: str, home: Path, unread: list[Problem]) -> Iterator[Source]:
@@ -136,7 +135,7 @@ def _uses_elsewhere(types: Mapping[str, str], homes: Container[Path], unread: li
 
 def _preview(fix: Fix) -> str:
     """Return the change of a file as a unified diff."""
-    old, new = _displayed(fix.source.path), _displayed(fix.target)
+    old, new = map(os.path.relpath, (fix.source.path, fix.target))
     renamed = f"rename {old} => {new}\n" if old != new else ""
     lines = unified_diff(fix.source.text.splitlines(), fix.text.splitlines(), old, new, n=1, lineterm="")
     return renamed + "".join(f"{line}\n" for line in lines)
@@ -151,11 +150,11 @@ def _collisions(fixes: Iterable[Fix]) -> Iterator[Problem]:
             continue
         other = new.setdefault(target, source)
         if other != source:
-            text = f"'{_displayed(source)}' and '{_displayed(other)}' would both be called '{target.name}'"
-            yield Problem(text, hint="rename one of them")
+            paths = " and ".join(f"'{os.path.relpath(path)}'" for path in (source, other))
+            yield Problem(f"{paths} would both be called '{target.name}'", hint="rename one of them")
         for path in dict.fromkeys((target, target.with_suffix(".idl"))):
             if os.path.lexists(path):
-                yield Problem(f"'{_displayed(path)}' exists already", hint=f"remove it, or '{source}'")
+                yield Problem(f"'{os.path.relpath(path)}' exists already", hint=f"remove it, or '{source}'")
 
 
 def _write(fixes: Iterable[Fix]) -> None:
@@ -177,41 +176,31 @@ def _write(fixes: Iterable[Fix]) -> None:
             fix.source.path.unlink()
 
 
-def _what_follows(package: str, home: Path, fixes: Iterable[Fix]) -> Iterator[str]:
+def _what_follows(package: str, home: Path, fixes: Collection[Fix]) -> Iterator[str]:
     """Yield further required changes of the package: in its manifest, CMake code and programs."""
-    definitions = tuple(fixes)
-    fixes = [each for each in definitions if each.changes]
-    text = "".join(fix.text for fix in fixes)
-    manifest = home / "package.xml"
-    declared = manifest.read_text(encoding="utf-8", errors="replace") if manifest.is_file() else ""
+    changed = [each for each in fixes if each.changes]
+    text = "".join(fix.text for fix in changed)
+    declared, listed = (text_or_nothing(home / name) for name in ("package.xml", "CMakeLists.txt"))
     needed = {
         name.partition("/")[0] for name in BUILT_IN.values() if f"{name} " in text or f"{name}[" in text
     }
     if missing := sorted(each for each in needed if f">{each}<" not in declared):
         yield f"{package}: declare the dependencies of the definitions: forge add {' '.join(missing)}"
-    cmake = home / "CMakeLists.txt"
-    listed = cmake.read_text(encoding="utf-8", errors="replace") if cmake.is_file() else ""
-    for fix in fixes:
+    for fix in changed:
         old = PurePosixPath(fix.source.relative).name
-        if old != PurePosixPath(fix.relative).name and old in listed:
-            yield f"{package}: in CMakeLists.txt, write {PurePosixPath(fix.relative).name} instead of {old}"
-    for fix in fixes:
+        if old != fix.target.name and old in listed:
+            yield f"{package}: in CMakeLists.txt, write {fix.target.name} instead of {old}"
+    for fix in changed:
         if fix.names:
             pairs = ", ".join(f"{each.old} -> {each.new}" for each in fix.names)
-            yield f"{package}: update code that uses {PurePosixPath(fix.relative).stem}: {pairs}"
-    for fix in definitions if fixes else ():
-        for name, before, now in _other_texts(fix):
-            stem = PurePosixPath(fix.relative).stem
-            yield f"{package}: the constant {name} of {stem} is {now!r}; in ROS 1, it was {before!r}"
-
-
-def _other_texts(fix: Fix) -> Iterator[tuple[str, str, str]]:
-    """Yield the names of constants with other values in ROS 1, the ROS 1 values, and the current ones."""
-    interface, _ = parse_leniently(Source(fix.source.package, fix.relative, fix.target, fix.text))
-    for section, before in zip(sections_of(interface), texts_of_ros1(fix.text), strict=False):
-        for each in section.constants:
-            if before.get(each.name, each.value) != each.value:
-                yield each.name, before[each.name], str(each.value)
+            yield f"{package}: update code that uses {fix.target.stem}: {pairs}"
+    for fix in fixes if changed else ():
+        interface, _ = parse_leniently(Source(fix.source.package, fix.relative, fix.target, fix.text))
+        for section, before in zip(sections_of(interface), texts_of_ros1(fix.text), strict=False):
+            for each in section.constants:
+                if before.get(each.name, each.value) != each.value:
+                    text = f"is {str(each.value)!r}; in ROS 1, it was {before[each.name]!r}"
+                    yield f"{package}: the constant {each.name} of {fix.target.stem} {text}"
 
 
 def _left(fixes: Iterable[Fix], *, written: bool) -> Iterator[Problem]:
@@ -224,7 +213,3 @@ def _left(fixes: Iterable[Fix], *, written: bool) -> Iterator[Problem]:
             continue
         _, problems = parse_leniently(Source(fix.source.package, fix.relative, path, fix.text))
         yield from problems
-
-
-def _displayed(path: Path) -> str:
-    return os.path.relpath(path)

@@ -11,7 +11,7 @@ from forge.base.distributions import EMBEDDED
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
-from forge.plugins.interface_pages.documenting import write_site
+from forge.plugins.interface_pages.command import write_site
 from forge.plugins.interface_pages.site import site
 from tests.browser import Keys
 

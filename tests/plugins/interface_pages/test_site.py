@@ -10,8 +10,7 @@ import pytest
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.resolution import resolve
-from forge.plugins.interface_pages.pages import Paragraph, paragraphs
-from forge.plugins.interface_pages.site import PackageInfo, site, summary
+from forge.plugins.interface_pages.site import PackageInfo, Paragraph, paragraphs, site, summary
 from tests.conftest import GOLDEN, Forge, Golden, Tree
 from tests.generated import catalog_of
 from tests.sites import faults_of, read_page
