@@ -5,6 +5,7 @@ Functions are inline, so there is no library to link. Unlike rosidl, it supports
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import PurePosixPath
@@ -12,7 +13,7 @@ from typing import Any
 
 from forge.base.templating import render
 from forge.interfaces.cpp.headers import detail_path, guard, handles, main_path, needed, symbol
-from forge.interfaces.cpp.text import comment, quoted
+from forge.interfaces.cpp.text import comment, literal, nearest_single, quoted
 from forge.interfaces.hashing import Hasher, described_type, structures_of
 from forge.interfaces.model import (
     Action,
@@ -23,17 +24,18 @@ from forge.interfaces.model import (
     File,
     Interface,
     Message,
+    Named,
     Primitive,
     Sequence,
     Service,
     Source,
     String,
+    Type,
     TypeName,
     Value,
     element_of,
     messages_of,
 )
-from forge.plugins.c_target.text import declare, fits_int, is_plain, needs_math, number, numbers, spell, units
 
 _TEMPLATES = "c_target/templates"
 _MAX_LITERAL = 4095
@@ -42,6 +44,21 @@ _NEVER_ENUMERATED = frozenset({"boolean", "float", "double", "long double"})
 _BYTES_PER_LINE = 8
 _IMPLICIT = "implicit"
 """The encoding of types that no file defines, such as the request of a service."""
+
+_ARITHMETIC = {
+    "boolean": "bool",
+    "octet": "uint8_t",
+    "char": "signed char",
+    "wchar": "uint16_t",
+    "float": "float",
+    "double": "double",
+    "long double": "long double",
+    **{f"{sign}int{bits}": f"{sign}int{bits}_t" for sign in ("", "u") for bits in (8, 16, 32, 64)},
+}
+_REALS = frozenset({"float", "double", "long double"})
+_INFINITIES = {"float": "HUGE_VALF", "double": "HUGE_VAL", "long double": "HUGE_VALL"}
+_INT = range(-(1 << 31), 1 << 31)
+_SIGNED_CHAR = range(-128, 128)
 
 
 def files(catalog: Catalog) -> Iterator[File]:
@@ -162,16 +179,17 @@ def _constant(message: Message, constant: Constant) -> dict[str, Any]:
 
 def _bounds(message: Message, field: Field) -> Iterator[str]:
     """Yield the definitions of the upper bounds of sequences and strings."""
-    prefix = f"{symbol(message.name)}__{field.name}"
-    if isinstance(field.type, Sequence) and field.type.bound is not None:
-        yield _bound(f"{prefix}__MAX_SIZE", field.type.bound)
     of = element_of(field.type)
-    if isinstance(of, String) and of.bound is not None:
-        yield _bound(f"{prefix}__MAX_STRING_SIZE", of.bound)
-
-
-def _bound(name: str, value: int) -> str:
-    return f"enum {{ {name} = {value} }};" if fits_int(value) else f"static const size_t {name} = {value}u;"
+    bounds = {
+        "MAX_SIZE": field.type.bound if isinstance(field.type, Sequence) else None,
+        "MAX_STRING_SIZE": of.bound if isinstance(of, String) else None,
+    }
+    for suffix, bound in bounds.items():
+        name = f"{symbol(message.name)}__{field.name}__{suffix}"
+        if bound is not None and fits_int(bound):
+            yield f"enum {{ {name} = {bound} }};"
+        elif bound is not None:
+            yield f"static const size_t {name} = {bound}u;"
 
 
 def _description_views(
@@ -363,3 +381,79 @@ def _default(field: Field) -> Value | None:
 
 def _items(field: Field) -> tuple[str, ...]:
     return tuple(map(str, field.default)) if isinstance(field.default, tuple) else ()
+
+
+def spell(type_: Primitive | String | Named | Sequence) -> str:
+    """Return the type of a member, or of the elements of an array."""
+    match type_:
+        case Primitive(name):
+            return _ARITHMETIC[name]
+        case String(wide):
+            return "rosidl_runtime_c__U16String" if wide else "rosidl_runtime_c__String"
+        case Named(name):
+            return symbol(name)
+        case Sequence(Primitive(name)):
+            return f"rosidl_runtime_c__{name.replace(' ', '_')}__Sequence"
+        case Sequence(of):
+            return f"{spell(of)}__Sequence"
+
+
+def declare(type_: Type, name: str) -> str:
+    if isinstance(type_, Array):
+        return f"{spell(type_.of)} {name}[{type_.size}]"
+    return f"{spell(type_)} {name}"
+
+
+def number(value: Value, type_: Primitive) -> str:
+    """Return an expression of exactly this value, for a member or constant of this type."""
+    if type_.name in _REALS and isinstance(value, int | float):
+        return _real(float(value), type_)
+    text = literal(value, type_)
+    return f"(signed char){text}" if type_.name == "char" and int(text) not in _SIGNED_CHAR else text
+
+
+def numbers(value: Value, of: Primitive) -> str:
+    items = value if isinstance(value, tuple) else (value,)
+    return "{" + ", ".join(number(item, of) for item in items) + "}"
+
+
+def units(value: str) -> str:
+    """Return the initializer of a zero-terminated array of UTF-16 code units, as C99 has no u"..." literals.
+
+    Printable ASCII characters are character literals.
+    """
+    data = value.encode("utf-16-le", "surrogatepass")
+    codes = [int.from_bytes(data[at : at + 2], "little") for at in range(0, len(data), 2)]
+    signs = (
+        f"'{chr(code)}'" if " " <= chr(code) <= "~" and chr(code) not in "'\\" else f"0x{code:04x}"
+        for code in codes
+    )
+    return "{" + ", ".join([*signs, "0"]) + "}"
+
+
+def fits_int(value: Value) -> bool:
+    """Return True if an enumerator of C99 can have the value; its type is int."""
+    return isinstance(value, int) and value in _INT
+
+
+def is_plain(type_: Type) -> bool:
+    """Return True if values of the type own no memory."""
+    return isinstance(type_, Primitive) or (isinstance(type_, Array) and isinstance(type_.of, Primitive))
+
+
+def needs_math(value: Value | None, type_: Type) -> bool:
+    """Return True if the value needs a macro of <math.h>."""
+    of = element_of(type_)
+    if not isinstance(of, Primitive) or of.name not in _REALS or value is None:
+        return False
+    return any(text in numbers(value, of) for text in ("NAN", "HUGE_VAL"))
+
+
+def _real(value: float, type_: Primitive) -> str:
+    if type_.name == "float":
+        value = nearest_single(value)
+    if math.isnan(value):
+        return "NAN"
+    if math.isinf(value):
+        return ("-" if value < 0 else "") + _INFINITIES[type_.name]
+    return literal(value, type_)

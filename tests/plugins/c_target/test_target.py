@@ -31,7 +31,7 @@ from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder, read_runtime
 from forge.interfaces.resolve.resolution import resolve
 from forge.plugins.c_target import target as c
-from forge.plugins.c_target.text import declare, number, units
+from forge.plugins.c_target.target import declare, number, units
 from tests.conftest import GOLDEN, Forge, Golden, Tree
 
 POINT = Named(TypeName("geometry_msgs", "msg", "Point"))
