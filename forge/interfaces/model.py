@@ -15,6 +15,9 @@ from forge.base.frozen import frozen
 
 HIDDEN_MEMBER = "structure_needs_at_least_one_member"
 
+SECTIONS = {"msg": ("",), "srv": ("_Request", "_Response"), "action": ("_Goal", "_Result", "_Feedback")}
+"""The kinds of definition files, and the name suffix of each of their sections."""
+
 Value = bool | int | float | str | tuple["bool | int | float | str", ...]
 """A literal: numbers, text, or a tuple of them for arrays and sequences. An octet is an int."""
 

@@ -18,6 +18,7 @@ from forge.base.names import did_you_mean, python_attribute
 from forge.interfaces.idl.values import Expression, read_expression, read_size, value_of
 from forge.interfaces.model import (
     HIDDEN_MEMBER,
+    SECTIONS,
     Array,
     Constant,
     Field,
@@ -35,7 +36,6 @@ from forge.interfaces.model import (
 )
 from forge.interfaces.read.declarations import check_keyword
 from forge.interfaces.read.literals import ParseError
-from forge.interfaces.read.parsing import SECTIONS
 
 if TYPE_CHECKING:
     from lark import Lark, Token, Tree

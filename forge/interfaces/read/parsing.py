@@ -14,6 +14,7 @@ from forge.base.frozen import frozen
 from forge.base.names import TYPE_NAME
 from forge.interfaces.model import (
     HIDDEN_MEMBER,
+    SECTIONS,
     Constant,
     Field,
     Interface,
@@ -29,9 +30,6 @@ from forge.interfaces.read.literals import ParseError, read_value
 
 ENDINGS = ("msg", "srv", "action", "idl")
 """The file name extensions of definitions."""
-
-SECTIONS = {"msg": ("",), "srv": ("_Request", "_Response"), "action": ("_Goal", "_Result", "_Feedback")}
-"""The kinds of files, and the name suffix of each of their sections."""
 
 _BRACKET = re.compile(r"\[([^,\]]*)(\]|,|\Z)")
 """A bracket up to ']', ',' or the end of the comment; it is a unit only if it ends with ']'."""

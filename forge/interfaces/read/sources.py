@@ -12,8 +12,8 @@ from forge.base.ament_index import INDEX
 from forge.base.errors import ForgeError, InterfaceError, Location, Problem, reason_of
 from forge.base.files import names_in, read_file
 from forge.base.xml import parse_xml
-from forge.interfaces.model import File, Source, TypeName, sections_of, with_events
-from forge.interfaces.read.parsing import ENDINGS, SECTIONS, Parsed, parse
+from forge.interfaces.model import SECTIONS, File, Source, TypeName, sections_of, with_events
+from forge.interfaces.read.parsing import ENDINGS, Parsed, parse
 
 _RUNTIMES = {"python": ("python", "*"), "cpp": ("include", "*"), "c": ("include", "*.h")}
 """The folder and the file pattern of the run time for each language."""

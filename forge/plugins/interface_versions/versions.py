@@ -27,8 +27,8 @@ from forge.base.errors import (
 from forge.base.files import read_file, text_or_nothing
 from forge.base.layout import IGNORE_MARK
 from forge.base.xml import parse_xml
-from forge.interfaces.model import Catalog, TypeName, nested_types, sections_of
-from forge.interfaces.read.parsing import ENDINGS, SECTIONS, Parsed, parse
+from forge.interfaces.model import SECTIONS, Catalog, TypeName, nested_types, sections_of
+from forge.interfaces.read.parsing import ENDINGS, Parsed, parse
 from forge.interfaces.read.sources import Library, contradictions, definition_files, key_of, read_source
 from forge.interfaces.resolve.resolution import nested_messages, resolve
 from forge.workspace.cmake_text import calls

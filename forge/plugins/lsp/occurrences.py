@@ -13,10 +13,10 @@ from enum import Enum
 from forge.base.errors import InterfaceError, Location, Problem
 from forge.base.frozen import frozen
 from forge.interfaces.idl.parsing import FileReader
-from forge.interfaces.model import Interface, Named, Source, TypeName, element_of, sections_of
+from forge.interfaces.model import SECTIONS, Interface, Named, Source, TypeName, element_of, sections_of
 from forge.interfaces.read.declarations import read_declaration
 from forge.interfaces.read.literals import ParseError
-from forge.interfaces.read.parsing import SECTIONS, lines_of, parse_leniently, split_sections, type_name
+from forge.interfaces.read.parsing import lines_of, parse_leniently, split_sections, type_name
 from forge.plugins.lsp.text import Span
 
 _INCLUDE = re.compile(r'["<](\w+)/(\w+)/(\w+)\.idl[">]')

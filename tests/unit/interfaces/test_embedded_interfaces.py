@@ -14,6 +14,7 @@ import forge
 from forge.base.distributions import DISTRIBUTIONS, embedded_definitions, up_to
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import (
+    SECTIONS,
     Action,
     Constant,
     Field,
@@ -24,7 +25,7 @@ from forge.interfaces.model import (
     element_of,
     sections_of,
 )
-from forge.interfaces.read.parsing import SECTIONS, Parsed, parse_all, type_name
+from forge.interfaces.read.parsing import Parsed, parse_all, type_name
 from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.resolution import resolve
 from forge.workspace.manifest import parse_manifest
