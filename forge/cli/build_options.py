@@ -227,10 +227,8 @@ class BuildOptions:
                 message = f"'--watch' cannot be combined with '{word}'"
                 raise SelectionError(Problem(message, hint="remove one of them"))
         _ = self.reporters, self.folders.level  # raises ForgeError for invalid values
-        if self.has_timings and self.folders.layout(Path.cwd()).logs is None:
-            hint = "remove '--timings', or choose a log folder with '--log-base'"
-            message = "--timings needs a log folder, but logs are disabled"
-            raise SelectionError(Problem(message, hint=hint))
+        if self.has_timings:
+            self.folders.require_logs()
 
 
 def for_rebuild(options: _Options) -> _Options:

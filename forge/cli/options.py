@@ -224,6 +224,12 @@ class FolderOptions:
             root=root,
         )
 
+    def require_logs(self) -> None:
+        """Raise SelectionError if there is no log folder for the report of --timings."""
+        if self.layout(Path.cwd()).logs is None:
+            hint = "remove '--timings', or choose a log folder with '--log-base'"
+            raise SelectionError(Problem("--timings needs a log folder, but logs are disabled", hint=hint))
+
     @property
     def level(self) -> int:
         """Return --log-level as a level of Python's logging module: 10 debug, 20 info, 30 warning and so on.

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -80,7 +80,7 @@ class Session:
             profile=self.profile,
             seconds=self.durations,
             memory=memory,
-            say=lambda line: self.write(f"{line}\n", stderr=self.json_events.printed),
+            say=lambda line: self._say([line]),
         )
         for name, start in reporters.items():
             self.reporters[name] = reporter = ask(name, start, run)
@@ -91,7 +91,11 @@ class Session:
         self.report.folds_on_stderr = self.json_events.printed
 
     def _tell(self, reporter: Reporter, event: Mapping[str, Any]) -> None:
-        for line in reporter.observe(event):
+        self._say(reporter.observe(event))
+
+    def _say(self, lines: Iterable[str]) -> None:
+        """Print lines of a reporter; with --json, stdout contains only events."""
+        for line in lines:
             self.write(f"{line}\n", stderr=self.json_events.printed)
 
     def collect_reports(self) -> None:
@@ -110,11 +114,7 @@ class Session:
         """Log the results and let reporters write files; `code` overrides the exit code of the report."""
         self.json_events.conclude(self.report, seconds, code)
         for name, reporter in self.reporters.items():
-            ask(name, self._write_files, reporter)
-
-    def _write_files(self, reporter: Reporter) -> None:
-        for line in reporter.write():
-            self.write(f"{line}\n", stderr=self.json_events.printed)
+            ask(name, lambda each: self._say(each.write()), reporter)
 
     @property
     def seconds(self) -> float:

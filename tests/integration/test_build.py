@@ -10,27 +10,19 @@ import pytest
 from forge.base.layout import docs_url
 from tests.conftest import Forge, Tree, Variables
 from tests.packages import manifest_text
-
-CMAKE = """cmake_minimum_required(VERSION 3.18)
-project({name} NONE)
-file(WRITE ${{CMAKE_CURRENT_BINARY_DIR}}/{name}.txt "{name}\\n")
-install(FILES ${{CMAKE_CURRENT_BINARY_DIR}}/{name}.txt DESTINATION share/{name})
-{more}
-"""
-
-
-def files(name: str, *lines: str, more: str = "") -> dict[str, str]:
-    """Return a plain CMake package."""
-    return {
-        f"src/{name}/package.xml": manifest_text(name, *lines, build_type="cmake"),
-        f"src/{name}/CMakeLists.txt": CMAKE.format(name=name, more=more),
-    }
+from tests.testable import cmake_package
 
 
 @pytest.fixture
 def workspace(tree: Tree) -> Path:
     """Return a workspace in which b needs a and c needs b."""
-    return tree({**files("a"), **files("b", "<depend>a</depend>"), **files("c", "<depend>b</depend>")})
+    return tree(
+        {
+            **cmake_package("a"),
+            **cmake_package("b", needs="<depend>a</depend>"),
+            **cmake_package("c", needs="<depend>b</depend>"),
+        }
+    )
 
 
 def test_a_workspace_is_built_in_order_into_the_colcon_layout(forge: Forge, workspace: Path) -> None:
@@ -40,7 +32,7 @@ def test_a_workspace_is_built_in_order_into_the_colcon_layout(forge: Forge, work
     order = ("a", "b", "c")
     assert words[:6] == [f"{word} {name}" for name in order for word in ("Starting >>>", "Finished <<<")]
     assert words[7] == "Summary: 3 packages finished"
-    assert (workspace / "install/b/share/b/b.txt").read_text() == "b\n"
+    assert (workspace / "install/b/share/b/package.xml").is_file()
     assert (workspace / "install/.colcon_install_layout").read_text().strip() == "isolated"
     assert (workspace / "build/COLCON_IGNORE").exists()
     assert (workspace / "log/latest_build/a/stdout_stderr.log").is_file()
@@ -64,7 +56,7 @@ SEEMS_REQUIRED = {
 
 
 def test_an_ignored_dependency_is_not_reported_as_missing(forge: Forge, tree: Tree) -> None:
-    root = tree({**files("rcl_a"), **files("warned", "<depend>rcl_a</depend>")})
+    root = tree({**cmake_package("rcl_a"), **cmake_package("warned", needs="<depend>rcl_a</depend>")})
     hint = "if the build needs it, remove it from --packages-ignore and --packages-ignore-regex"
     for arguments in (("--packages-ignore", "rcl_a"), ("--packages-ignore-regex", "rcl")):
         ran = forge("build", *arguments, cwd=root)
@@ -77,7 +69,7 @@ def test_an_ignored_dependency_is_not_reported_as_missing(forge: Forge, tree: Tr
 def test_possibly_optional_dependencies_do_not_stop_the_build(forge: Forge, tree: Tree) -> None:
     made: dict[str, str] = {"src/Findrclcpp.cmake": "set(rclcpp_FOUND TRUE)\n"}
     for name, more in SEEMS_REQUIRED.items():
-        made |= files(name, "<depend>rclcpp</depend>")
+        made |= cmake_package(name, needs="<depend>rclcpp</depend>")
         made[f"src/{name}/CMakeLists.txt"] = (
             f"cmake_minimum_required(VERSION 3.18)\nproject({name} NONE)\n"
             f"install(FILES package.xml DESTINATION share/{name})\n{more}\n"
@@ -91,7 +83,9 @@ def test_possibly_optional_dependencies_do_not_stop_the_build(forge: Forge, tree
 
 
 def test_options_can_locate_a_missing_package(forge: Forge, tree: Tree) -> None:
-    root = tree({**files("node", "<depend>rclcpp</depend>"), "elsewhere/rclcppConfig.cmake": ""})
+    root = tree(
+        {**cmake_package("node", needs="<depend>rclcpp</depend>"), "elsewhere/rclcppConfig.cmake": ""}
+    )
     tree({"src/node/CMakeLists.txt": "project(node NONE)\nfind_package(rclcpp REQUIRED)\ninstall()\n"})
     ran = forge("build", cwd=root)
     assert ran.code == 1
@@ -102,8 +96,13 @@ def test_options_can_locate_a_missing_package(forge: Forge, tree: Tree) -> None:
 
 
 def test_an_unbuilt_package_may_come_from_an_underlay(forge: Forge, tree: Tree) -> None:
-    root = tree({f"under/{path}": text for path, text in files("a").items()})
-    tree({f"over/{p}": text for p, text in {**files("a"), **files("b", "<depend>a</depend>")}.items()})
+    root = tree({f"under/{path}": text for path, text in cmake_package("a").items()})
+    tree(
+        {
+            f"over/{p}": text
+            for p, text in {**cmake_package("a"), **cmake_package("b", needs="<depend>a</depend>")}.items()
+        }
+    )
     assert forge("build", cwd=root / "under").code == 0
     sourced = {"CMAKE_PREFIX_PATH": str(root / "under/install/a")}
     ran = forge("build", "--packages-select", "b", cwd=root / "over", env=sourced)
@@ -122,7 +121,7 @@ def test_negative_numbers_of_packages_are_rejected(forge: Forge, workspace: Path
 def test_cmake_definitions_do_not_affect_python_packages(forge: Forge, tree: Tree) -> None:
     manifest = manifest_text("p", build_type="ament_python")
     setup = "from setuptools import setup\nsetup(name='p', version='1')\n"
-    root = tree({"src/p/package.xml": manifest, "src/p/setup.py": setup, **files("c")})
+    root = tree({"src/p/package.xml": manifest, "src/p/setup.py": setup, **cmake_package("c")})
     assert forge("build", "--packages-select", "p", "--cmake-args", "-DX", cwd=root).code == 0
     assert forge("build", "--packages-select", "c", "--cmake-args", "-DX", cwd=root).code == 2
 
@@ -137,7 +136,7 @@ def test_dependencies_of_selected_packages_must_be_installed(forge: Forge, works
 
 
 def test_warnings_are_not_repeated_if_nothing_is_built(forge: Forge, tree: Tree) -> None:
-    workspace = tree(files("a", "<exec_depend>launch_ros</exec_depend>"))
+    workspace = tree(cmake_package("a", needs="<exec_depend>launch_ros</exec_depend>"))
     first = forge("build", cwd=workspace)
     assert first.code == 0
     assert "warning: 'a' needs 'launch_ros', which is neither" in first.err
@@ -176,7 +175,7 @@ def test_a_definition_without_a_value_is_rejected_before_the_build(forge: Forge,
 
 
 def test_continue_on_error_builds_independent_packages(forge: Forge, workspace: Path, tree: Tree) -> None:
-    tree(files("d", more='message(FATAL_ERROR "x")'))
+    tree(cmake_package("d", 'message(FATAL_ERROR "x")'))
     ran = forge("build", "--continue-on-error", "--executor", "sequential", cwd=workspace)
     assert ran.code == 1
     assert "Finished <<< c" in ran.out
@@ -266,7 +265,7 @@ def test_event_handlers_of_colcon_are_supported(forge: Forge, workspace: Path) -
 
 
 def test_a_missing_dependency_is_reported_before_cmake_runs(forge: Forge, tree: Tree) -> None:
-    root = tree(files("node", "<depend>rclcpp</depend>"))
+    root = tree(cmake_package("node", needs="<depend>rclcpp</depend>"))
     ran = forge("build", "--dry-run", cwd=root)
     assert ran.code == 0
     assert ran.err.startswith("src/node/package.xml:8:3: warning: 'node' needs 'rclcpp', which is neither")
@@ -274,14 +273,14 @@ def test_a_missing_dependency_is_reported_before_cmake_runs(forge: Forge, tree: 
 
 
 def test_a_single_package_workspace_stays_up_to_date(forge: Forge, tree: Tree) -> None:
-    root = tree({name.removeprefix("src/a/"): text for name, text in files("a").items()})
+    root = tree({name.removeprefix("src/a/"): text for name, text in cmake_package("a").items()})
     assert built(forge, root) == ["a"]
     assert built(forge, root) == []
 
 
 def test_a_link_that_is_reinstalled_is_kept(forge: Forge, tree: Tree) -> None:
     """CMake neither installs nor lists a link again that points where it did."""
-    root = tree({**files("a", more="install(FILES link.txt DESTINATION share/a)"), "src/a/to.txt": "1"})
+    root = tree({**cmake_package("a", "install(FILES link.txt DESTINATION share/a)"), "src/a/to.txt": "1"})
     (root / "src/a/link.txt").symlink_to(root / "src/a/to.txt")
     for number in range(3):
         (root / "src/a/other.txt").write_text(str(number))
@@ -312,7 +311,7 @@ def test_the_next_build_completes_a_killed_build(forge: Forge, workspace: Path) 
 def test_missing_targets_can_be_skipped(forge: Forge, tree: Tree, generator: str) -> None:
     touch = 'COMMAND "${CMAKE_COMMAND}" -E touch made'
     more = f"add_custom_target(say.it {touch})\nadd_custom_target(fail.it COMMAND false)"
-    root = tree({**files("with", more=more), **files("without", more="add_custom_target(say_it)")})
+    root = tree({**cmake_package("with", more), **cmake_package("without", "add_custom_target(say_it)")})
     options = ("--continue-on-error", "--cmake-args", "-G", generator, "--cmake-target")
     strict = forge("build", *options, "say.it", cwd=root)
     assert strict.code == 1
@@ -321,7 +320,7 @@ def test_missing_targets_can_be_skipped(forge: Forge, tree: Tree, generator: str
     ran = forge("build", "--cmake-target-skip-unavailable", *options, "say.it", cwd=root)
     assert ran.code == 0, ran.err
     assert (root / "build/with/made").is_file()
-    assert (root / "install/without/share/without/without.txt").is_file()
+    assert (root / "install/without/share/without/package.xml").is_file()
     ran = forge("build", "--cmake-target-skip-unavailable", *options, "fail.it", cwd=root)
     assert ran.code == 1
     assert "Failed   <<< with " in ran.err
@@ -335,7 +334,7 @@ ExternalProject_Add(inner SOURCE_DIR ${CMAKE_CURRENT_SOURCE_DIR}/inner INSTALL_C
 
 def test_the_newest_cmake_builds_projects_written_for_old_ones(forge: Forge, tree: Tree) -> None:
     """Those that a package builds itself are included."""
-    package = files("a", more=INNER)
+    package = cmake_package("a", INNER)
     package["src/a/CMakeLists.txt"] = package["src/a/CMakeLists.txt"].replace(
         "VERSION 3.18", "VERSION 2.8.12"
     )
@@ -352,7 +351,7 @@ def test_the_newest_cmake_builds_projects_written_for_old_ones(forge: Forge, tre
 
 
 def test_an_unused_variable_is_reported_once(forge: Forge, tree: Tree) -> None:
-    root = tree({**files("a", more="message(STATUS ${USED})"), **files("b")})
+    root = tree({**cmake_package("a", "message(STATUS ${USED})"), **cmake_package("b")})
     ran = forge("build", "--cmake-args", "-DUSED=1", "-DCMAKE_BUILD_TYP=1", cwd=root)
     assert ran.code == 0
     assert ran.err == ""
@@ -364,7 +363,7 @@ def test_an_unused_variable_is_reported_once(forge: Forge, tree: Tree) -> None:
 def test_setup_scripts_are_updated_if_a_conditional_folder_appears(forge: Forge, tree: Tree) -> None:
     hook = "install(FILES local_setup.dsv DESTINATION share/b)"
     root = tree(
-        {**files("b", more=hook), "src/b/local_setup.dsv": "prepend-non-duplicate-if-exists;PATH;tools\n"}
+        {**cmake_package("b", hook), "src/b/local_setup.dsv": "prepend-non-duplicate-if-exists;PATH;tools\n"}
     )
     assert forge("build", cwd=root).code == 0
     script = root / "install/local_setup.sh"
@@ -378,7 +377,7 @@ def test_setup_scripts_are_updated_if_a_conditional_folder_appears(forge: Forge,
 def test_a_variable_used_only_by_an_unchanged_package_is_not_reported_as_unused(
     forge: Forge, tree: Tree
 ) -> None:
-    root = tree({**files("a", more="message(STATUS ${USED})"), **files("b")})
+    root = tree({**cmake_package("a", "message(STATUS ${USED})"), **cmake_package("b")})
     assert forge("build", "--cmake-args", "-DUSED=1", cwd=root).code == 0
     with (root / "src/b/CMakeLists.txt").open("a") as lists:
         lists.write("# changed\n")
@@ -401,7 +400,7 @@ def test_packages_still_running_after_a_failure_are_reported(forge: Forge, tree:
     """A step that runs is not killed; without a word, a long one would look like a hang."""
     slow = "add_custom_target(wait ALL COMMAND ${CMAKE_COMMAND} -E sleep 3)"
     late = "execute_process(COMMAND ${CMAKE_COMMAND} -E sleep 1)\nmessage(FATAL_ERROR no)"
-    root = tree({**files("fails", more=late), **files("slow", more=slow)})
+    root = tree({**cmake_package("fails", late), **cmake_package("slow", slow)})
     ran = forge("build", "--parallel-workers", "2", cwd=root)
     assert ran.code == 1
     assert ran.err.count("waiting for the running step of 'slow'\n") == 1
@@ -419,7 +418,7 @@ endif()
 # FetchContent_Declare(no URL https://x.org/no)
 set(doc "FetchContent_Declare(no URL https://x.org/no)")
 FetchContent_Declare(local URL file:///x)"""
-    root = tree({**files("vendor", more=vendor), **files("b", more="message(STATUS https://x.org/no)")})
+    root = tree({**cmake_package("vendor", vendor), **cmake_package("b", "message(STATUS https://x.org/no)")})
     first = forge("build", cwd=root)
     assert first.code == 0, first.err
     addresses = "https://x.org/y.git ('vendor'), https://x.org/z.tar.gz ('vendor')"

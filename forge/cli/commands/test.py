@@ -12,14 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from forge.base.env_vars import SEQUENTIAL, own_cache
-from forge.base.errors import (
-    Problem,
-    SelectionError,
-    WarningReporter,
-    WorkspaceError,
-    print_problem,
-    raise_if_any,
-)
+from forge.base.errors import Problem, WarningReporter, WorkspaceError, print_problem, raise_if_any
 from forge.base.extensions import OPTIONS, find
 from forge.base.frozen import frozen
 from forge.base.layout import OWN_CACHE_DIR, TEST_FILE_TABLE
@@ -91,10 +84,8 @@ def run(given: Options) -> int:
     options, reports = given.tests, given.report
     reporters = reports.reporters(*(name for name in ("coverage", "timings") if getattr(options, name)))
     layout, warn = folders.layout(root), WarningReporter()
-    if options.timings and layout.logs is None:
-        hint = "remove '--timings', or choose a log folder with '--log-base'"
-        message = "--timings needs a log folder, but logs are disabled"
-        raise SelectionError(Problem(message, hint=hint))
+    if options.timings:
+        folders.require_logs()
     variables = build_variables(layout, os.environ)
     loaded = load_workspace(
         root,
