@@ -52,8 +52,6 @@ class Option:
     """Each use of the option adds to its values, and a value may contain several words."""
     inherited: bool = False
     """Also accepted before the command; a value after the command takes precedence."""
-    first_build_only: bool = False
-    """`forge build --watch` applies it only to its first build."""
 
 
 def option(

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import os
-from dataclasses import fields, is_dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from forge.base.distributions import check_distribution, distribution_option
 from forge.base.errors import Problem, SelectionError
 from forge.base.frozen import frozen
-from forge.base.options import OPTION, default_of, flag, option, options_of
+from forge.base.options import flag, option, options_of
 from forge.base.text import listed
 from forge.cache.opening import CacheOptions
 from forge.cli.options import FolderOptions, OptionSources
@@ -22,8 +21,6 @@ from forge.output.reporters import Start
 from forge.toolchain.compiler_launchers import LAUNCHERS, NONE, selected_launcher
 from forge.toolchain.targets import CrossOptions
 from forge.workspace.selection import Query
-
-_Options = TypeVar("_Options")
 
 _OUTPUT = ReportOptions.GROUP
 _NO_EFFECT = "no effect, for compatibility with colcon"
@@ -56,11 +53,11 @@ class CMakeOptions:
         choices=(*LAUNCHERS, NONE),
     )
     no_toolchain_cache: bool = flag("let CMake detect compilers in each package")
-    cmake_force_configure: bool = flag("run CMake's configure step in any case", first_build_only=True)
+    cmake_force_configure: bool = flag("run CMake's configure step in any case")
     cmake_clean_cache: bool = flag(
-        "remove CMake's cache before configuring (implies --cmake-force-configure)", first_build_only=True
+        "remove CMake's cache before configuring (implies --cmake-force-configure)"
     )
-    cmake_clean_first: bool = flag("run the target 'clean' before building", first_build_only=True)
+    cmake_clean_first: bool = flag("run the target 'clean' before building")
     cmake_target: str | None = option(
         "build this target before the default target; packages without it fail", metavar="TARGET"
     )
@@ -95,10 +92,8 @@ class BuildOptions:
     skip_keys: tuple[str, ...] = option(
         "do not warn of these missing dependencies", default=(), metavar="KEY", accumulates=True
     )
-    force: bool = flag("rebuild the selected packages even if they are up to date", first_build_only=True)
-    reset_underlays: bool = flag(
-        "forget underlays of earlier builds unless they are sourced now", first_build_only=True
-    )
+    force: bool = flag("rebuild the selected packages even if they are up to date")
+    reset_underlays: bool = flag("forget underlays of earlier builds unless they are sourced now")
     python: str | None = option(
         "interpreter to build with and for (default: that of the active virtual environment, else that of "
         "the sourced underlay, else 'python3' on PATH)",
@@ -229,15 +224,3 @@ class BuildOptions:
         _ = self.reporters, self.folders.level  # raises ForgeError for invalid values
         if self.has_timings:
             self.folders.require_logs()
-
-
-def for_rebuild(options: _Options) -> _Options:
-    """Return the options for later builds of `--watch`, to which some options do not apply."""
-    changed: dict[str, Any] = {}
-    for each in fields(options):  # type: ignore[arg-type]
-        value, declared = getattr(options, each.name), each.metadata.get(OPTION)
-        if declared is not None and declared.first_build_only:
-            changed[each.name] = default_of(each)
-        elif is_dataclass(value) and not isinstance(value, type):
-            changed[each.name] = for_rebuild(value)
-    return replace(options, **changed)  # type: ignore[type-var]

@@ -23,7 +23,6 @@ from forge.base.files import remove_tree
 from forge.base.frozen import frozen
 from forge.base.text import duration
 from forge.build.inputs.fingerprints import file_state, source_folders
-from forge.cli.build_options import for_rebuild
 from forge.cli.preparation import BuildMode, forge_stamp
 from forge.environment.sourcing import clear_edit_cache
 from forge.workspace.forge_toml import FORGE_TOML
@@ -158,7 +157,7 @@ class WatchLoop(BuildMode):
         self.warn.start_next_build()
         clear_edit_cache()
         try:
-            self._options = replace(for_rebuild(self._read_again()), is_rebuild=True)
+            self._options = for_rebuild(self._read_again())
             if self._folders_outdated:
                 self._update_folders()
             self._build(self._options, self)
@@ -236,6 +235,14 @@ class WatchLoop(BuildMode):
         if not self._options.report.json:
             sys.stdout.write(f"{_clock()} {line}\n")
             sys.stdout.flush()
+
+
+def for_rebuild(options: BuildOptions) -> BuildOptions:
+    """Return the options for later builds, without those that apply only to the first one."""
+    cmake = replace(
+        options.cmake, cmake_force_configure=False, cmake_clean_cache=False, cmake_clean_first=False
+    )
+    return replace(options, cmake=cmake, force=False, reset_underlays=False, is_rebuild=True)
 
 
 def line_of(order: Sequence[str], tally: Tally, seconds: float, palette: Palette) -> str:
