@@ -10,10 +10,11 @@ import os
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from functools import cache, lru_cache
 from pathlib import Path
+from typing import Any
 
 from forge.base.ament_index import INDEX
 from forge.base.errors import Problem
-from forge.base.files import listed_paths, replace_file
+from forge.base.files import listed_paths, read_json, replace_file
 from forge.base.frozen import frozen
 from forge.base.layout import INSTALLED_LISTS_DIR, LAYOUT_MARKER, Layout
 from forge.environment.prefixes import PACKAGES
@@ -94,6 +95,15 @@ def write_installed_list(
 @cache
 def _relative(workspace: str, base: str) -> str:
     return os.path.relpath(os.path.realpath(workspace), os.path.realpath(base))
+
+
+def add_unclaimed(name: str, layout: Layout, paths: Iterable[str]) -> None:
+    """Add files to the list of a package of which it is unknown whether it has written them."""
+    file, skip = list_file(name, layout), len(str(layout.install)) + 1
+    empty: dict[str, Any] = {"version": _VERSION, "files": {}, "folders": [], "links": {}}
+    data = read_json(file) or empty
+    unclaimed = {*data.get("unclaimed", ()), *(path[skip:] for path in paths)}
+    replace_file(file, json.dumps({**data, "unclaimed": sorted(unclaimed)}).encode())
 
 
 def package_markers(name: str, layout: Layout) -> tuple[str, ...]:

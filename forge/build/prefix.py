@@ -40,6 +40,7 @@ from forge.build.copies import (
 from forge.build.installed_lists import (
     MANIFESTS,
     InstalledList,
+    add_unclaimed,
     edited,
     folders_above,
     forget_installed_list,
@@ -316,11 +317,27 @@ class PrefixExchange:
             self._list.replace(list_file(self._name, self._layout))
         elif self._state.is_file():
             forget_installed_list(self._name, self._layout)
+        self._note_leftovers()
         if not self._layout.merged and not self._noted("state").get("existed", True):
             with contextlib.suppress(OSError):
                 os.rmdir(self._prefix)
         self._drop()
         return problems
+
+    def _note_leftovers(self) -> None:
+        """Let the next build replace files of unknown owners that a step may have written unobserved."""
+        if self.writes().complete:
+            return
+        listed = read_installed_list(self._name, self._layout) or InstalledList({})
+        known = {*self.others(), *self._of_other_packages(), *listed.files}
+        skip = len(str(self._layout.install)) + 1
+        left = [
+            path
+            for path, _ in tree_below(self._prefix)[0]
+            if path not in known and path[skip:].partition("/")[0] not in _OF_BASE
+        ]
+        if left:
+            add_unclaimed(self._name, self._layout, left)
 
     def _keep_changed(self) -> tuple[Problem, ...]:
         """Keep the earlier contents of unowned files that an unobserved step may have changed.
@@ -382,6 +399,7 @@ class PrefixExchange:
         """Remove the files that the steps wrote below the prefix; restore other files that they overwrote."""
         writes = self.writes()
         others = {**self.others(), **(self._of_other_packages() if writes.files else {})}
+        make_writable(self._folders_of((*writes.files, *(f"{path}/" for path in writes.folders))))
         for path in sorted(writes.files):
             if path in others or not path.startswith(f"{self._prefix}/"):
                 continue
@@ -409,7 +427,7 @@ class PrefixExchange:
         """Record the package's folders, which may become empty and be removed, with their permissions."""
         folders: dict[str, int | None] = {}
         for path in paths:
-            for folder in (path.rstrip("/"), *folders_above(path, self._prefix), self._prefix):
+            for folder in (path.rstrip("/"), *self._folders_of([path])):
                 if folder not in folders:
                     status = status_of(folder)
                     is_folder = status is not None and stat.S_ISDIR(status.st_mode)
@@ -434,12 +452,18 @@ class PrefixExchange:
         value = self._known_state.get(key)
         return value if isinstance(value, dict) else {}
 
-    def _move_aside(self, paths: Iterable[str], folders: Iterable[str]) -> None:
+    def _folders_of(self, paths: Iterable[str]) -> Iterator[str]:
+        """Yield the folders of the prefix that contain these files or, if they end with '/', folders."""
+        return (folder for path in paths for folder in (*folders_above(path, self._prefix), self._prefix))
+
+    def _move_aside(self, paths: Iterable[str], folders: Collection[str]) -> None:
         """Move files out of the prefix, and remove folders that become empty."""
         target = self._moved if self._moved.is_dir() else self._part
         target.mkdir(parents=True, exist_ok=True)
         cut, parents, emptied = len(self._prefix), {str(target)}, set()
-        for path in sorted(paths):
+        paths = sorted(paths)
+        make_writable(self._folders_of((*paths, *folders)))
+        for path in paths:
             aside = f"{target}{path[cut:]}"
             parent = os.path.dirname(aside)
             with contextlib.suppress(FileNotFoundError, NotADirectoryError):
@@ -468,8 +492,10 @@ class PrefixExchange:
         Files that another package has installed there meanwhile are kept.
         """
         others, installed = self.others(), self._of_other_packages()
-        for path, _ in tree_below(str(source))[0]:
-            destination = f"{self._prefix}{path[len(str(source)) :]}"
+        cut, backups = len(str(source)), [path for path, _ in tree_below(str(source))[0]]
+        make_writable(self._folders_of(f"{self._prefix}{path[cut:]}" for path in backups))
+        for path in backups:
+            destination = f"{self._prefix}{path[cut:]}"
             if destination in installed and os.path.lexists(destination):
                 continue
             for parent in reversed([*folders_above(destination, self._prefix)]):
@@ -572,6 +598,21 @@ _removals: Counter[str] = Counter()
 def removed_folders(prefix: Path) -> int:
     """Return how many folders of a prefix this process has removed because they were empty."""
     return _removals[str(prefix)]
+
+
+def make_writable(folders: Iterable[str]) -> dict[str, int]:
+    """Let the user change the entries of his folders; return the modes of those that did not allow it.
+
+    Packages may install folders without write permission.
+    """
+    modes: dict[str, int] = {}
+    for folder in sorted({*folders}):  # parents first
+        if is_folder(folder) and not os.access(folder, os.W_OK | os.X_OK):
+            with contextlib.suppress(OSError):  # of another user
+                mode = stat.S_IMODE(os.lstat(folder).st_mode)
+                os.chmod(folder, mode | stat.S_IRWXU)
+                modes[folder] = mode
+    return modes
 
 
 def remove_empty_folders(path: str, root: str, kept: Collection[str] = ()) -> None:

@@ -51,6 +51,7 @@ from forge.build.observed_writes import ObservedSteps, begin_log, remove_log
 from forge.build.prefix import (
     guarded_links,
     leftover_backups,
+    make_writable,
     remove_empty_folders,
     stage_folder,
     written_log,
@@ -302,6 +303,9 @@ def commit(task: Task, layout: Layout) -> tuple[InstalledFiles, tuple[Problem, .
     before, folders_before = (
         frozenset(f"{task.prefix}/{path}" for path in notes[key]) for key in ("files", "folders")
     )
+    stale = before | folders_before
+    entries = (*stale, *(_target(task, path) for path, _ in files))
+    modes = make_writable(folder for path in entries for folder in folders_above(path, str(task.prefix)))
     problems: tuple[Problem, ...] = ()
     if read_json(task.build_dir / SCRATCH_DIR / _NEXT)["partial"]:
         written = {*(_target(task, path) for path, _ in files)}
@@ -315,21 +319,23 @@ def commit(task: Task, layout: Layout) -> tuple[InstalledFiles, tuple[Problem, .
         if layout.merged:  # the others existed before
             own = {f"{path}/" for path in _own_entries(task, layout)}
             folders = frozenset(path for path in folders if path in own or not os.path.isdir(path))
-        problems = remove_stale(task, layout, (before | folders_before) - now - folders)
+        problems = remove_stale(task, layout, stale - now - folders)
         installed = InstalledFiles(tuple(sorted(now)), tuple(sorted(folders)))
     _announce(task, layout, (path for path, _ in files))
     for folder in _folders(task, files, empty):
         source = f"{task.stage}{folder[len(str(task.prefix)) :]}"
-        mode = stat.S_IMODE(os.lstat(source).st_mode)
+        modes[folder] = stat.S_IMODE(os.lstat(source).st_mode)
         os.makedirs(folder, exist_ok=True)
-        if stat.S_IMODE(os.lstat(folder).st_mode) != mode:
-            os.chmod(folder, mode)
+    make_writable(os.path.dirname(path) for path, _ in files)
     for path, status in files:
         target = _target(task, path)
         if not _is_same(path, target):
             if stat.S_ISREG(status.st_mode):
                 os.utime(path)
             os.replace(path, target)
+    for folder, mode in modes.items():
+        if is_folder(folder) and stat.S_IMODE(os.lstat(folder).st_mode) != mode:
+            os.chmod(folder, mode)
     for name in MANIFESTS:
         manifest = task.build_dir / name
         if manifest.is_file():

@@ -276,6 +276,29 @@ def test_installs_do_not_overwrite_unowned_files(
 
 
 @MERGED
+def test_files_of_an_unobserved_failed_build_do_not_block_the_next(
+    forge: Forge, tree: Tree, options: tuple[str, ...]
+) -> None:
+    """It is unknown who wrote them, unless they existed before the build."""
+    root = tree(plain(FAILS))
+    lists = root / "src/a/CMakeLists.txt"
+    share = root / "install" / ("" if options else "a") / "share/a"
+    for _ in range(2):
+        assert forge("build", "--no-observer", *options, cwd=root).code == 1
+        assert (share / "x").is_file()
+    text = lists.read_text().replace(FAILS, "install(FILES d/f DESTINATION share/a)\n")
+    lists.write_text(text)
+    (share / "f").write_text("mine")
+    refuse(forge("build", "--no-observer", *options, cwd=root), str(share / "f"))
+    assert (share / "f").read_text() == "mine"
+    (share / "f").unlink()
+    assert forge("build", "--no-observer", *options, cwd=root).code == 0
+    lists.write_text(text.replace("install(FILES x DESTINATION share/a)\n", ""))
+    assert forge("build", *options, cwd=root).code == 0
+    assert not (share / "x").exists()
+
+
+@MERGED
 def test_a_pipe_or_folder_in_place_of_a_file_is_kept(
     forge: Forge, tree: Tree, options: tuple[str, ...]
 ) -> None:

@@ -466,3 +466,43 @@ def test_multi_configuration_generators_are_rejected(
     assert code == 2
     assert said.startswith("error: 'a' cannot be built with 'Ninja Multi-Config'")
     assert run(root, "build", "--cmake-args", *words, "-G", "Ninja")[0] == 0
+
+
+@pytest.mark.parametrize("options", ["", "--merge-install", "--symlink-install", "--no-observer"])
+def test_installed_folders_without_write_permission_are_updated(root: Path, options: str) -> None:
+    """Root without the capability to override permissions is bound by them like other users."""
+    bound = ("setpriv", "--bounding-set=-dac_override,-dac_read_search") if os.geteuid() == 0 else ()
+    forge = (*bound, sys.executable, "-m", "forge", "build", *options.split())
+    source, script = root / "src/a/data", root / "src/a/CMakeLists.txt"
+    prefix = root / ("install" if options == "--merge-install" else "install/a")
+
+    def build() -> int:
+        return subprocess.run(forge, cwd=root, capture_output=True, timeout=SECONDS, check=False).returncode
+
+    def installed() -> dict[str, str]:
+        folder = prefix / "share/a/data"
+        assert folder.stat().st_mode & 0o777 == 0o555
+        # A link to a source that was removed leads nowhere.
+        return {path.name: path.read_text() if path.exists() else "" for path in folder.iterdir()}
+
+    source.mkdir()
+    (source / "one").write_text("1\n")
+    rule = "install(DIRECTORY data DESTINATION share/a DIRECTORY_PERMISSIONS OWNER_READ OWNER_EXECUTE"
+    text = f"{CMAKE}{rule} GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)\n"
+    script.write_text(text)
+    assert build() == 0
+    (source / "one").write_text("one\n")
+    (source / "two").write_text("2\n")
+    assert build() == 0
+    assert installed() == {"one": "one\n", "two": "2\n"}
+    (source / "two").unlink()
+    (source / "three").write_text("3\n")
+    script.write_text(f'{text}install(CODE "message(FATAL_ERROR no)")\n')
+    assert build() == 1
+    assert installed().keys() - ({"three"} if options == "--no-observer" else ()) == {"one", "two"}
+    script.write_text(text)
+    assert build() == 0
+    assert installed() == {"one": "one\n", "three": "3\n"}
+    script.write_text(CMAKE)
+    assert build() == 0
+    assert not (prefix / "share/a/data").exists()
