@@ -2,10 +2,13 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from forge import __version__
+from forge.base.formats import read_toml
+from forge.workspace import forge_toml
 from tests.conftest import Forge, Tree
 from tests.packages import manifest_text
 
@@ -196,6 +199,22 @@ def test_configuration_tables_are_printed(forge: Forge) -> None:
     assert "\ninterface targets (entry points 'forge.interfaces.targets'):\n  arrow " in shown
     assert "\nexecutors (entry points 'forge.executors'):\n  dask        ros-forge " in shown
     assert f"\nshells:\n  bash  ros-forge {__version__}\n" in shown
+
+
+def test_forge_toml_is_read_once_until_it_changes(
+    forge: Forge, root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reads = []
+
+    def read(content: bytes, path: Path) -> dict[str, Any]:
+        reads.append(path)
+        return read_toml(content, path)
+
+    monkeypatch.setattr(forge_toml, "read_toml", read)
+    for number, text in enumerate(("[list]\npackages-skip = ['a']\n", "[list]\npackages-skip = ['b']\n")):
+        (root / "forge.toml").write_text(text)
+        assert listed(forge, root) == "ba"[number]
+        assert len(reads) == number + 1
 
 
 def test_a_file_named_by_a_variable_is_read_once(forge: Forge, root: Path) -> None:
