@@ -33,7 +33,7 @@ from forge.build.journal import open_journal
 from forge.build.model import BuildInputs, BuildRecord
 from forge.build.records import read_record
 from forge.build.snapshot import changed_sources
-from forge.build.tasks import BuildPlan, Task
+from forge.build.tasks import BuildPlan, Step, Task
 from forge.build.tests.detection import requirements_of_tests
 from forge.build.tests.options import TestOptions
 from forge.build.tests.recipes import TestContext, framework
@@ -246,25 +246,22 @@ def make_test_plan(
     names: Sequence[str], loaded: LoadedWorkspace, context: TestContext, warn: WarningReporter
 ) -> BuildPlan:
     """Return a task per package, without dependencies."""
-    packages = [loaded.packages[name] for name in names]
     if context.options.pytest_with_coverage and "pytest_cov" not in context.modules:
         warn([Problem("coverage is not measured: the interpreter has no pytest-cov")])
     tasks = {}
-    for package in packages:
+    for name in names:
+        package = loaded.packages[name]
         recipe = build_type_of(package).tests(package, context.of(package))
-        tasks[package.name] = Task(
-            name=package.name,
-            package=package,
-            prefix=context.layout.prefix(package.name),
-            build_dir=context.layout.build_dir(package.name),
-            needs=(),
-            steps=recipe.steps,
-            reason="it is selected",
-            files=recipe.files,
-            clean=recipe.clean,
-            scratch_dir=TEST_SCRATCH_DIR,
-        )
+        task = _task(package, context.layout, recipe.steps, "it is selected", recipe.files)
+        tasks[name] = replace(task, clean=recipe.clean, scratch_dir=TEST_SCRATCH_DIR)
     return BuildPlan(tasks)
+
+
+def _task(
+    package: Package, layout: Layout, steps: Sequence[Step], reason: str, files: Sequence[tuple[Path, str]]
+) -> Task:
+    folders = layout.prefix(package.name), layout.build_dir(package.name)
+    return Task(package.name, package, *folders, (), steps, reason, files=files)
 
 
 def has_no_tests(build: Path) -> bool:
@@ -279,16 +276,8 @@ def plan_restored(names: Sequence[str], loaded: LoadedWorkspace, layout: Layout)
     for name in _restored(names, loaded, layout):
         deferred = read_deferred(layout.build_dir(name))
         if deferred is not None and deferred.steps and not deferred.done:
-            tasks[name] = Task(
-                name=name,
-                package=loaded.packages[name],
-                prefix=layout.prefix(name),
-                build_dir=layout.build_dir(name),
-                needs=(),
-                steps=deferred.steps,
-                reason="its tests were not built, because its installed files came from the cache",
-                files=deferred.files,
-            )
+            reason = "its tests were not built, because its installed files came from the cache"
+            tasks[name] = _task(loaded.packages[name], layout, deferred.steps, reason, deferred.files)
     return BuildPlan(tasks)
 
 

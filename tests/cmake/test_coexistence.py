@@ -41,10 +41,9 @@ def _below(folder: str, files: Mapping[str, str]) -> dict[str, str]:
     return {f"{folder}/{path}": text for path, text in files.items()}
 
 
-def test_ament_cmake_in_an_underlay_replaces_the_embedded_one(forge: Forge, tree: Tree) -> None:
+def test_ament_cmake_in_an_underlay_replaces_the_embedded_one(forge: Forge, built: Tree) -> None:
     """Neither CMake's cache nor what was installed leads to the embedded ament any more."""
-    root = tree({**DEMO, **_below("other", OTHER)})
-    assert forge("build", cwd=root).code == 0
+    root = built({**DEMO, **_below("other", OTHER)})
     assert _ament_of(root).startswith(str(root / "install"))
 
     underlay = {name: str(root / "other") for name in ("AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH")}
@@ -56,10 +55,11 @@ def test_ament_cmake_in_an_underlay_replaces_the_embedded_one(forge: Forge, tree
     assert not (root / "build/ament_cmake").exists()
 
 
-def test_ament_cmake_in_the_workspace_replaces_the_embedded_one(forge: Forge, tree: Tree) -> None:
+def test_ament_cmake_in_the_workspace_replaces_the_embedded_one(
+    forge: Forge, tree: Tree, built: Tree
+) -> None:
     """They come after a first build here, and bring the core only: the rest is missed, not mixed in."""
-    root = tree(DEMO)
-    assert forge("build", cwd=root).code == 0
+    root = built(DEMO)
     lists = "cmake_minimum_required(VERSION 3.18)\nproject(ament_cmake NONE)\n"
     own = {
         "package.xml": manifest_text("ament_cmake", build_type="cmake"),

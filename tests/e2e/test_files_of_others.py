@@ -377,11 +377,10 @@ def test_unowned_files_modified_by_install_code_are_restored(
     assert {name: (share / name).read_text() for name in mine} == mine
 
 
-def test_a_package_may_later_write_a_file_that_was_unobserved(forge: Forge, tree: Tree) -> None:
+def test_a_package_may_later_write_a_file_that_was_unobserved(forge: Forge, built: Tree) -> None:
     """At first, the program that writes it is not observed."""
     write = "sh -c 'echo 2 > ${CMAKE_INSTALL_PREFIX}/share/a/f'"
-    root = tree(plain(f"install(CODE [[execute_process(COMMAND env -i {write})]])"))
-    assert forge("build", cwd=root).code == 0
+    root = built(plain(f"install(CODE [[execute_process(COMMAND env -i {write})]])"))
     for text in (f"execute_process(COMMAND {write.replace('2', '3')})", "", "message(FATAL_ERROR no)"):
         lists = plain(f"install(CODE [[{text}]])")["src/a/CMakeLists.txt"]
         (root / "src/a/CMakeLists.txt").write_text(lists.replace("'", '"'))
@@ -522,9 +521,8 @@ def test_files_of_another_install_folder_listed_by_a_build_folder_are_kept(
     assert installed(root) == first
 
 
-def test_an_edited_file_is_kept_when_no_longer_installed(forge: Forge, tree: Tree) -> None:
-    root = tree(plain("install(FILES d/f DESTINATION share/a)"))
-    assert forge("build", cwd=root).code == 0
+def test_an_edited_file_is_kept_when_no_longer_installed(forge: Forge, built: Tree) -> None:
+    root = built(plain("install(FILES d/f DESTINATION share/a)"))
     path = root / "install/a/share/a/f"
     path.write_text("edited")
     (root / "src/a/CMakeLists.txt").write_text(plain("")["src/a/CMakeLists.txt"])
@@ -715,10 +713,9 @@ def test_unowned_files_are_kept_in_the_first_build(forge: Forge, tree: Tree) -> 
 
 
 def test_all_kinds_of_unowned_entries_are_kept(
-    forge: Forge, tree: Tree, monkeypatch: pytest.MonkeyPatch
+    forge: Forge, built: Tree, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    root = tree(plain(""))
-    assert forge("build", cwd=root).code == 0
+    root = built(plain(""))
     prefix = root / "install/a"
     os.mkfifo(prefix / "pipe")
     monkeypatch.chdir(prefix)

@@ -430,12 +430,11 @@ def test_a_file_saved_during_a_build_is_rebuilt(when: str, forge: Forge, tree: T
     assert actual == look(root / "install")
 
 
-def test_builds_never_write_into_sources(forge: Forge, tree: Tree) -> None:
+def test_builds_never_write_into_sources(forge: Forge, built: Tree) -> None:
     """They may be read-only, or somebody else's: not even a time is set."""
-    root = tree(
+    root = built(
         {**packages(a="include_directories(inc)\n" + BUILD), "src/a/x.c": INCLUDES, "src/a/inc/v.h": ""}
     )
-    assert forge("build", cwd=root).code == 0
     for name in ("src/a/x.c", "src/a/inc/v.h"):
         (root / name).write_text(INCLUDES if name.endswith("x.c") else "#define V 4\n", encoding="utf-8")
         os.utime(root / name, (1_000_000_000, 1_000_000_000))
@@ -460,10 +459,9 @@ def test_sources_written_by_the_build_reach_a_stable_state(forge: Forge, tree: T
     assert "Finished" not in forge("build", cwd=root).out
 
 
-def test_a_failed_configure_keeps_objects(forge: Forge, tree: Tree) -> None:
+def test_a_failed_configure_keeps_objects(forge: Forge, built: Tree) -> None:
     """What was compiled before is brought back once the mistake is mended."""
-    root = tree({**packages(a=BUILD), "src/a/x.c": PROGRAM})
-    assert forge("build", cwd=root).code == 0
+    root = built({**packages(a=BUILD), "src/a/x.c": PROGRAM})
     made = (root / "build/a/CMakeFiles/x.dir/x.c.o").stat()
     listed = root / "src/a/CMakeLists.txt"
     good = listed.read_text(encoding="utf-8")
@@ -475,12 +473,11 @@ def test_a_failed_configure_keeps_objects(forge: Forge, tree: Tree) -> None:
     assert (now.st_ino, now.st_mtime_ns) == (made.st_ino, made.st_mtime_ns)
 
 
-def test_a_new_source_recompiles_nothing_else(forge: Forge, tree: Tree) -> None:
+def test_a_new_source_recompiles_nothing_else(forge: Forge, built: Tree) -> None:
     """One new file among many: objects of the others are brought back, the program is linked again."""
     body = "file(GLOB S *.c)\nadd_executable(x ${S})\ninstall(TARGETS x DESTINATION bin)\n"
     many = {f"src/a/part_{number}.c": f"int part_{number};\n" for number in range(20)}
-    root = tree({**packages(a=body), **many, "src/a/x.c": PROGRAM})
-    assert forge("build", cwd=root).code == 0
+    root = built({**packages(a=body), **many, "src/a/x.c": PROGRAM})
     before = {path.name: path.stat().st_ino for path in (root / "build/a/CMakeFiles/x.dir").glob("*.o")}
     (root / "src/a/part_new.c").write_text("int part_new;\n", encoding="utf-8")
     assert forge("build", cwd=root).code == 0

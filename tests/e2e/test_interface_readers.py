@@ -196,10 +196,9 @@ def test_unbuilt_folders_have_the_definitions_found_in_them(forge: Forge, tree: 
     }
 
 
-def test_sources_are_read_in_their_current_state(forge: Forge, tree: Tree) -> None:
+def test_sources_are_read_in_their_current_state(forge: Forge, built: Tree) -> None:
     """What is newer than the last build is read from the sources; another folder is not that package."""
-    root = tree({**package("generated"), "other/msg/A.msg": "int8 other\n"})
-    assert forge("build", cwd=root).code == 0
+    root = built({**package("generated"), "other/msg/A.msg": "int8 other\n"})
     (root / "src/generated/msg/A.msg").write_text("int8 changed\n")
     (root / "src/generated/msg/New.msg").write_text("A a\n")
 
@@ -229,10 +228,9 @@ def test_the_workspace_overrides_its_underlays(forge: Forge, tree: Tree, tmp_pat
     assert forge("interface", "show", "plain/msg/A", cwd=root, env=env).out == "int8 a\n"
 
 
-def test_underlays_have_the_installed_definitions(forge: Forge, tree: Tree, tmp_path: Path) -> None:
+def test_underlays_have_the_installed_definitions(forge: Forge, built: Tree, tmp_path: Path) -> None:
     names = ("generated", "optional", "skipped")
-    root = tree({path: text for name in names for path, text in package(name).items()})
-    assert forge("build", cwd=root).code == 0
+    root = built({path: text for name in names for path, text in package(name).items()})
     env = {"AMENT_PREFIX_PATH": ":".join(str(root / "install" / name) for name in names)}
     user = tmp_path / "user"
     user.mkdir()

@@ -108,7 +108,7 @@ READERS = {
 """Lines of setup.py by the name of a package."""
 
 
-def test_external_files_read_by_setup_py_are_inputs(tree: Tree, forge: Forge) -> None:
+def test_external_files_read_by_setup_py_are_inputs(tree: Tree, built: Tree, forge: Forge) -> None:
     def version(number: str) -> dict[str, str]:
         return {"VERSION": f"{number}\n", "shared/version.py": f"version = '{number}'\n"}
 
@@ -119,8 +119,7 @@ def test_external_files_read_by_setup_py_are_inputs(tree: Tree, forge: Forge) ->
             for word in ("<name>{}<", 'name="{}"', "share/{}"):
                 text = text.replace(word.format("talk"), word.format(name))
             files[path.replace("src/talk/", f"src/{name}/")] = text
-    root = tree(files)
-    assert forge("build", cwd=root).code == 0
+    root = built(files)
     assert f"{len(READERS)} packages unchanged" in forge("build", cwd=root).out
     tree(version("2.0"))
     ran = forge("build", "--explain", cwd=root)
@@ -312,10 +311,9 @@ def test_edits_are_visible_through_links_and_new_modules_are_built(tree: Tree, f
     workspace.change({"src/talk/talk/a.py": None})
 
 
-def test_files_written_into_sources_cause_no_endless_rebuilds(tree: Tree, forge: Forge) -> None:
+def test_files_written_into_sources_cause_no_endless_rebuilds(built: Tree, forge: Forge) -> None:
     """The first build changes the sources, as the second one finds; that leaves them as they were."""
-    root = tree(package("open('talk/made.py', 'w').write('made = 1')"))
-    assert forge("build", cwd=root).code == 0
+    root = built(package("open('talk/made.py', 'w').write('made = 1')"))
     assert "'talk/made.py' was added" in forge("build", "--explain", cwd=root).out
     workspace = Workspace(root, forge, first=False)
     shutil.rmtree(root / "build")

@@ -91,11 +91,10 @@ def test_side_outputs_of_removed_sources_and_options_are_deleted(forge: Forge, r
     assert found == clean(forge, root)
 
 
-def test_stack_usage_files_cause_no_recompilation(forge: Forge, tree: Tree) -> None:
-    root = tree(package("stack_usage"))
-    assert forge("build", cwd=root).code == 0
+def test_stack_usage_files_cause_no_recompilation(forge: Forge, built: Tree) -> None:
+    root = built(package("stack_usage"))
     object_file = root / "build/stack_usage/CMakeFiles/x.dir/x.c.o"
-    built = object_file.stat().st_mtime_ns
+    compiled = object_file.stat().st_mtime_ns
     (root / "src/stack_usage/read.md").write_text("x")
     assert forge("build", cwd=root).code == 0
-    assert object_file.stat().st_mtime_ns == built
+    assert object_file.stat().st_mtime_ns == compiled

@@ -265,9 +265,8 @@ def test_packages_of_another_workspace_in_shared_folders_are_not_stale(
 
 
 @pytest.mark.needs("cmake", "ninja")
-def test_packages_excluded_by_options_are_not_stale(forge: Forge, tree: Tree) -> None:
-    root = tree({**cmake_package("a"), **cmake_package("b")})
-    assert forge("build", cwd=root).code == 0
+def test_packages_excluded_by_options_are_not_stale(forge: Forge, built: Tree) -> None:
+    root = built({**cmake_package("a"), **cmake_package("b")})
     assert forge("clean", "stale", "-y", "--base-paths", "src/a", cwd=root).code == 0
     assert (root / "install/b/share/b/package.dsv").is_file()
 

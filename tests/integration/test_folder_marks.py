@@ -128,9 +128,10 @@ def test_folders_are_recognized_after_a_failed_build(forge: Forge, tree: Tree) -
 
 
 @pytest.mark.needs("cmake", "ninja")
-def test_sources_in_conflicting_folders_are_reported_after_a_build(forge: Forge, tree: Tree) -> None:
-    root = tree(cmake_package("a"))
-    assert forge("build", cwd=root).code == 0
+def test_sources_in_conflicting_folders_are_reported_after_a_build(
+    forge: Forge, tree: Tree, built: Tree
+) -> None:
+    root = built(cmake_package("a"))
     tree({"build/a/.git/HEAD": "mine"})
     before = everything(root / "build/a")
     for words in (("build", "--force"), ("test",)):
@@ -154,10 +155,9 @@ def test_a_manifest_generated_by_cmake_is_not_a_source(forge: Forge, tree: Tree)
 @pytest.mark.parametrize("text", ["", "garbage \0\1", "col"])
 @pytest.mark.parametrize("marker", ["build/.built_by", "install/.colcon_install_layout"])
 def test_a_damaged_marker_of_a_known_folder_is_rewritten(
-    forge: Forge, tree: Tree, marker: str, text: str
+    forge: Forge, built: Tree, marker: str, text: str
 ) -> None:
-    root = tree(cmake_package("a"))
-    assert forge("build", cwd=root).code == 0
+    root = built(cmake_package("a"))
     before = (root / marker).read_text()
     (root / marker).write_text(text)
     ran = forge("build", cwd=root)
@@ -187,9 +187,8 @@ def test_a_cache_is_recognized_by_the_name_of_its_mark(forge: Forge, tree: Tree)
 
 
 @pytest.mark.needs("cmake", "ninja")
-def test_a_package_at_the_root_is_not_removed_with_its_results(forge: Forge, tree: Tree) -> None:
-    root = tree({name.removeprefix("src/a/"): text for name, text in cmake_package("a").items()})
-    assert forge("build", cwd=root).code == 0
+def test_a_package_at_the_root_is_not_removed_with_its_results(forge: Forge, built: Tree) -> None:
+    root = built({name.removeprefix("src/a/"): text for name, text in cmake_package("a").items()})
     assert forge("build", "--build-base", ".", cwd=root).code == 2
     assert forge("clean", "workspace", "-y", cwd=root).code == 0
     assert sorted(path.name for path in root.iterdir()) == ["CMakeLists.txt", "package.xml"]
@@ -252,9 +251,8 @@ def test_a_tilde_with_an_unknown_user_is_a_folder_name(forge: Forge, tree: Tree)
     assert forge("--log-base", "~nobody-of-this-name", "build", cwd=root).code in {0, 2}
 
 
-def test_a_bundle_overwrites_only_bundles(forge: Forge, tree: Tree) -> None:
-    root = tree({**cmake_package("a"), "mine": "mine"})
-    assert forge("build", cwd=root).code == 0
+def test_a_bundle_overwrites_only_bundles(forge: Forge, built: Tree) -> None:
+    root = built({**cmake_package("a"), "mine": "mine"})
     assert forge("bundle", "-o", "b.tar.gz", cwd=root).code == 0
     assert forge("bundle", "-o", "b.tar.gz", cwd=root).code == 0
     with tarfile.open(root / "mine.tgz", "w:gz") as archive:
@@ -320,9 +318,8 @@ def test_a_cache_is_recognized_and_keeps_unowned_files(forge: Forge, tree: Tree)
 
 
 @pytest.mark.needs("cmake", "ninja")
-def test_a_renamed_package_is_reported_as_stale(forge: Forge, tree: Tree) -> None:
-    root = tree(cmake_package("a"))
-    assert forge("build", cwd=root).code == 0
+def test_a_renamed_package_is_reported_as_stale(forge: Forge, built: Tree) -> None:
+    root = built(cmake_package("a"))
     for name in ("package.xml", "CMakeLists.txt"):
         path = root / "src/a" / name
         path.write_text(path.read_text().replace("<name>a<", "<name>z<"))

@@ -324,9 +324,7 @@ def _tools(context: BuildContext, variables: Mapping[str, str]) -> Iterator[str]
     yield from (str(path) for path in home.glob(".*") if not context.root.is_relative_to(path))
 
 
-@cache
-def _folder(path: str) -> str:
-    return os.path.realpath(path)
+_folder = cache(os.path.realpath)
 
 
 def _canonical(path: str) -> str:

@@ -31,9 +31,8 @@ def compiled(root: Path) -> list[str]:
 
 
 @pytest.mark.needs("cmake", "ninja", "g++")
-def test_compile_commands_are_written_unless_disabled(forge: Forge, tree: Tree) -> None:
-    root = tree({**library("a"), **library("b")})
-    assert forge("build", cwd=root).code == 0
+def test_compile_commands_are_written_unless_disabled(forge: Forge, built: Tree) -> None:
+    root = built({**library("a"), **library("b")})
     assert compiled(root) == ["a.cpp", "b.cpp"]
     stamp = (root / "build/compile_commands.json").stat().st_mtime_ns
     assert forge("build", cwd=root).code == 0

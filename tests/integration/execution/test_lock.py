@@ -91,9 +91,8 @@ def test_an_unreadable_lock_description_is_not_an_error(content: str, tmp_path: 
 
 @pytest.mark.slow
 @pytest.mark.needs("cmake")
-def test_lock_waiting_time_is_excluded_from_the_summary(tree: Tree, forge: Forge) -> None:
-    root = tree(cmake_package("a", "add_test(NAME t COMMAND sh -c true)"))
-    assert forge("build", cwd=root).code == 0
+def test_lock_waiting_time_is_excluded_from_the_summary(built: Tree, forge: Forge) -> None:
+    root = built(cmake_package("a", "add_test(NAME t COMMAND sh -c true)"))
     for command in ("build", "test"):
         with holder(root / "build") as first:
             release = threading.Timer(3, first.communicate, ("go\n",))

@@ -273,10 +273,9 @@ def test_findings_of_one_kind_are_grouped(forge: Forge, tree: Tree) -> None:
 
 
 @pytest.mark.needs("cmake")
-def test_an_overlay_of_a_forge_workspace_has_no_problems(forge: Forge, tree: Tree) -> None:
+def test_an_overlay_of_a_forge_workspace_has_no_problems(forge: Forge, built: Tree) -> None:
     """Embedded packages in the underlay need no Python modules of ROS, and rosdep keys are no packages."""
-    root = tree({**ament_package("below", "<depend>rosidl_default_generators</depend>"), "over/src/x": ""})
-    assert forge("build", cwd=root).code == 0
+    root = built({**ament_package("below", "<depend>rosidl_default_generators</depend>"), "over/src/x": ""})
     over = write_files(root / "over", ament_package("above", "<depend>below</depend>", INTERFACES))
     found = findings(forge, over, env={"COLCON_PREFIX_PATH": f"{root}/install"})
     assert [found for found in found["findings"] if found["topic"] in {"python", "underlays"}] == []
