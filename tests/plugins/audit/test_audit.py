@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from tests.cmake.test_shapes import copy_shapes
 from tests.conftest import Forge, Ran, Tree
+from tests.packages import manifest_text
 
 pytestmark = [pytest.mark.slow, pytest.mark.needs("cmake", "g++")]
 
 SHELL = Path("/bin/sh").resolve().name
+package = partial(manifest_text, build_type="cmake")
 MINIMUM = "cmake_minimum_required(VERSION 3.16)\n"
 OUTSIDE = """\
 cmake_minimum_required(VERSION 3.16)
@@ -24,14 +27,6 @@ add_executable(x x.c made.h)
 target_include_directories(x PRIVATE ${{CMAKE_CURRENT_BINARY_DIR}})
 install(TARGETS x DESTINATION bin)
 """
-
-
-def package(name: str, build_type: str = "cmake", more: str = "") -> str:
-    return (
-        f'<?xml version="1.0"?><package format="3"><name>{name}</name><version>0.1.0</version>'
-        '<description>d</description><maintainer email="a@b.org">m</maintainer><license>x</license>'
-        f"{more}<export><build_type>{build_type}</build_type></export></package>\n"
-    )
 
 
 def outside(root: Path, depends: str = "") -> Mapping[str, str]:
@@ -138,7 +133,7 @@ def with_library(include: Path, more: str = "") -> dict[str, str]:
         "ws/src/lib/package.xml": package("lib"),
         "ws/src/lib/CMakeLists.txt": LIBRARY,
         "ws/src/lib/lib.h": "#define LIB 0\n",
-        "ws/src/user/package.xml": package("user", more=more),
+        "ws/src/user/package.xml": package("user", more),
         "ws/src/user/CMakeLists.txt": USER.format(include=include),
         "ws/src/user/x.c": "#include <lib/lib.h>\nint main(void) { return LIB; }\n",
     }

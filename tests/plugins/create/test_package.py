@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import html
 import re
 from dataclasses import replace
@@ -16,6 +17,8 @@ from forge.plugins.create.package import BUILD_TYPES, LICENSES, NewPackage, rend
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import DependencyKind, Person
 from tests.conftest import Golden
+from tests.hostile import hostile
+from tests.unit.test_injection import quick
 
 ADA = Person("Ada", "ada@example.org")
 CASES = {
@@ -169,3 +172,27 @@ def test_properties_that_do_not_fit_together_are_rejected(
     values = {"name": "walker_msgs", "maintainer": ADA, "interfaces": ("Pose.msg",), **properties}
     with pytest.raises(ForgeError, match=re.escape(message)):
         NewPackage(**values)  # type: ignore[arg-type]
+
+
+@quick
+@given(hostile(), hostile(), hostile(), st.sampled_from(BUILD_TYPES))
+def test_created_packages_contain_the_given_strings(
+    description: str, license_: str, name: str, build_type: str
+) -> None:
+    """Text from the command line never becomes code or markup."""
+    person = Person(name, "a@b.cc")
+    try:
+        blueprint = NewPackage("pkg", person, build_type, description=description, license=license_)
+    except ForgeError:
+        return
+    files = {path: text or "" for path, text in render_package(blueprint).items()}
+    manifest = parse_manifest(files["package.xml"].encode(), Path("package.xml"), {})
+    assert manifest.maintainers == (Person(" ".join(name.split(" ")).strip(), "a@b.cc"),)
+    if build_type == "ament_python":
+        call = next(
+            node
+            for node in ast.walk(ast.parse(files["setup.py"]))
+            if isinstance(node, ast.Call) and node.keywords
+        )
+        said = {word.arg: word.value.value for word in call.keywords if isinstance(word.value, ast.Constant)}
+        assert (said["maintainer"], said["description"], said["license"]) == (name, description, license_)
