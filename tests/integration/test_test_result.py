@@ -11,7 +11,7 @@ import pytest
 
 from forge.testing.collecting import collect
 from tests.conftest import Forge, Tree
-from tests.packages import manifest_text
+from tests.testable import cmake_package
 
 GOOD = '<testsuite name="a" tests="1" failures="0" errors="0" skipped="0"/>\n'
 BAD = """<testsuite name="b" tests="2" failures="1" errors="0" skipped="0">
@@ -227,17 +227,8 @@ def test_deleting_asks_for_confirmation(forge: Forge, results: Path, monkeypatch
 
 @pytest.mark.needs("cmake")
 def test_results_of_removed_packages_do_not_count(forge: Forge, tree: Tree, built: Tree) -> None:
-    cmake = "cmake_minimum_required(VERSION 3.18)\nproject(x NONE)\n"
-    root = built(
-        {
-            f"src/{name}/{file}": text
-            for name in ("stays", "goes", "moves", "ignored")
-            for file, text in (
-                ("package.xml", manifest_text(name, build_type="cmake")),
-                ("CMakeLists.txt", cmake),
-            )
-        }
-    )
+    names = ("stays", "goes", "moves", "ignored")
+    root = built({path: text for name in names for path, text in cmake_package(name).items()})
     tree({"build/stays/a.xml": GOOD, "build/goes/a.xml": BAD, "build/moves/a.xml": GOOD})
     tree({"build/ignored/a.xml": BAD, "build/other/a.xml": GOOD})
     assert forge("test-result", cwd=root).code == 1

@@ -11,7 +11,8 @@ from forge.environment.install_state import recorded_underlays
 from forge.environment.underlays import lost_underlays, overridden
 from tests.conftest import Forge, Tree
 from tests.installs import Made, make_install
-from tests.packages import manifest_text
+from tests.packages import manifest_text, write_files
+from tests.testable import cmake_package
 
 LOST = (
     "warning: the underlay '{}' no longer exists: packages built on it may not run\n"
@@ -94,12 +95,7 @@ def test_a_different_spelling_of_prefixes_causes_no_rebuild(forge: Forge, tree: 
 
 def test_missing_underlays_are_reported_and_can_be_reset(forge: Forge, tmp_path: Path) -> None:
     below = make_install(tmp_path / "below", [Made("base"), Made("user", ("base",))]).install
-    root = tmp_path / "ws"
-    (root / "src/base").mkdir(parents=True)
-    (root / "src/base/package.xml").write_text(manifest_text("base", build_type="cmake"))
-    (root / "src/base/CMakeLists.txt").write_text(
-        "cmake_minimum_required(VERSION 3.18)\nproject(base NONE)\n"
-    )
+    root = write_files(tmp_path / "ws", cmake_package("base"))
     sourced = {"COLCON_PREFIX_PATH": str(below)}
     told = forge("build", cwd=root, env=sourced).err
     assert told.startswith(
@@ -120,13 +116,7 @@ def test_missing_underlays_are_reported_and_can_be_reset(forge: Forge, tmp_path:
 
 
 def test_installed_files_of_removed_packages_are_reported(forge: Forge, built: Tree) -> None:
-    root = built(
-        {f"src/{name}/package.xml": manifest_text(name, build_type="cmake") for name in ("a", "b")}
-        | {
-            f"src/{name}/CMakeLists.txt": f"cmake_minimum_required(VERSION 3.18)\nproject({name} NONE)\n"
-            for name in ("a", "b")
-        }
-    )
+    root = built({**cmake_package("a"), **cmake_package("b")})
     (root / "src/a/new").write_text("")
     assert "no longer" not in forge("build", "--base-paths", "src/a", cwd=root).err
     (root / "src/b/COLCON_IGNORE").touch()
