@@ -8,6 +8,7 @@ import pytest
 
 from tests.conftest import Forge, Tree
 from tests.packages import manifest_text
+from tests.testable import cmake_package
 
 
 @pytest.fixture
@@ -200,10 +201,8 @@ def with_broken(tree: Tree) -> Path:
     """Return a workspace in which 'user' needs 'broken', 'good' needs nothing, and a folder has no name."""
     return tree(
         {
-            "src/good/package.xml": manifest_text("good", build_type="cmake"),
-            "src/good/CMakeLists.txt": "project(good NONE)\ninstall(FILES package.xml DESTINATION .)\n",
-            "src/user/package.xml": manifest_text("user", "<depend>broken</depend>", build_type="cmake"),
-            "src/user/CMakeLists.txt": "project(user NONE)\ninstall(FILES package.xml DESTINATION .)\n",
+            **cmake_package("good"),
+            **cmake_package("user", needs="<depend>broken</depend>"),
             "src/b/package.xml": BROKEN.format(name="broken"),
             "src/nameless/package.xml": "<package",
         }
