@@ -187,7 +187,10 @@ def read_log(
             continue
         process = running.get(pid)
         if process and kind in _OF_PATHS:
-            process.records.append((number, kind, resolve(word) if "/.." in word else word))
+            if "/.." in word:
+                process.records += _resolved(number, kind, word, resolve)
+            else:
+                process.records.append((number, kind, word))
             continue
         started = pending.pop(pid, None) if kind == "P" else None
         executes = started is not None
@@ -218,7 +221,7 @@ def read_log(
             case "B" | "V" | "I" | "M" | "J" | "K" if kind in kinds:
                 process.records.append((number, kind, word))
             case _ if kind in _OF_PATHS:
-                process.records.append((number, kind, resolve(word)))
+                process.records += _resolved(number, kind, word, resolve)
     unknown = [process for process in processes if process.parent is None and process.pid not in roots]
     if sum(bool(process.programs) for process in unknown) < more_roots:
         blind.append("a program cannot be observed")
@@ -323,21 +326,62 @@ def _module(path: str, folders: tuple[str, ...]) -> str:
 
 
 _MODULE = re.compile(r"(.+?)(?:/__pycache__)?/(\w+)(?:\.[\w-]+)?\.(?:py|pyc|so)$")
-_ABOVE = re.compile(r".*/\.\.(?=/|$)")
 
 
-def _resolver() -> Callable[[str], str]:
-    """Return a function that resolves '..' in paths like the kernel: the folder before it may be a link."""
-    folders: dict[str, str] = {}
+def _resolved(
+    number: int, kind: str, word: str, resolve: Callable[[str], tuple[str, list[str]]]
+) -> list[tuple[int, str, str]]:
+    path, links = resolve(word)
+    return [*((number, "T", link) for link in links), (number, kind, path)]
 
-    def resolve(path: str) -> str:
+
+def _resolver() -> Callable[[str], tuple[str, list[str]]]:
+    """Return a function that resolves '..' in paths like the kernel: the folder before it may be a link.
+
+    It also returns the links that the result depends on.
+    """
+    targets: dict[str, str] = {}
+    folders: dict[str, tuple[str, list[str]]] = {}
+
+    def target_of(path: str) -> str:
+        if path not in targets:
+            try:
+                targets[path] = os.readlink(path)
+            except OSError:
+                targets[path] = ""
+        return targets[path]
+
+    def walk(folder: str) -> tuple[str, list[str]]:
+        place, links = "", list[str]()
+        names = folder.split("/")[::-1]
+        while names:
+            name = names.pop()
+            path = f"{place}/{name}"
+            if name == "..":
+                place = place.rpartition("/")[0]
+            elif name in {"", "."}:
+                continue
+            elif len(links) < _MAX_LINKS and (target := target_of(path)):
+                links.append(path)
+                names += target.split("/")[::-1]
+                place = "" if target.startswith("/") else place
+            else:
+                place = path
+        return place, links
+
+    def resolve(path: str) -> tuple[str, list[str]]:
         above = _ABOVE.match(path) if "/.." in path else None
         if above is None:
-            return path
+            return path, []
         # The remaining path may be a link whose target changes later.
         folder, rest = above[0], path[above.end() :]
         if folder not in folders:
-            folders[folder] = os.path.realpath(folder)
-        return f"{folders[folder].rstrip('/')}{rest}" or "/"
+            folders[folder] = walk(folder)
+        place, links = folders[folder]
+        return f"{place}{rest}" or "/", links
 
     return resolve
+
+
+_ABOVE = re.compile(r".*/\.\.(?=/|$)")
+_MAX_LINKS = 40

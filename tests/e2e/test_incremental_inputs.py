@@ -225,6 +225,18 @@ CASES = {
         write("real/v.h", "#define V 2\n"),
         links={"outside/v.h": "../real/v.h"},
     ),
+    "a link before '..' in the path of a header": Case(
+        {
+            **packages(a=BUILD),
+            "src/a/x.c": INCLUDES.replace('"v.h"', '"../../place/../v.h"'),
+            "one/v.h": "#define V 1\n",
+            "two/v.h": "#define V 2\n",
+            "one/inside/keep": "",
+            "two/inside/keep": "",
+        },
+        lambda root: (root / "other").replace(root / "version"),
+        links={"place": "version/inside", "version": "one", "other": "two"},
+    ),
     "a header outside that comes before another": Case(
         {
             **packages(
