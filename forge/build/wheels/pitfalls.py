@@ -62,33 +62,19 @@ def wheel_warnings(source: Path, site: Path, installed: Sequence[Path]) -> Itera
         if not (match := _POINT.match(target)):
             continue
         module, function = match.groups()
-        if module in modules and module not in broken:
-            yield from _missing_function(source, script, module, function, modules[module])
-        elif module not in modules:
-            yield from _missing_module(source, script, module, modules)
-
-
-def _missing_module(source: Path, script: str, module: str, modules: dict[str, Path]) -> Iterator[Problem]:
-    """Yield a problem if a script's module belongs to the package but is not installed."""
-    top = module.partition(".")[0]
-    folder = source / top
-    if top not in modules and not folder.is_dir():
-        return
-    missing_init = folder.is_dir() and not (folder / "__init__.py").exists()
-    hint = f"add an empty {folder}/__init__.py" if missing_init else did_you_mean(module, modules)
-    message = f"the script '{script}' starts '{module}', which the package does not install"
-    yield Problem(message, Location(defining_file(source)), hint)
-
-
-def _missing_function(source: Path, script: str, module: str, function: str, path: Path) -> Iterator[Problem]:
-    """Yield a problem if a script's module does not define the function that it calls."""
-    if path.suffix != ".py":
-        return
-    names, complete = _defined(ast.parse(text_or_nothing(path)))
-    if not complete or function in names:
-        return
-    message = f"'{script}' calls '{function}', which '{module}' does not define"
-    yield Problem(message, Location(defining_file(source)), did_you_mean(function, names))
+        folder = source / module.partition(".")[0]
+        if module in modules:
+            if modules[module].suffix != ".py" or module in broken:
+                continue
+            names, complete = _defined(ast.parse(text_or_nothing(modules[module])))
+            if complete and function not in names:
+                message = f"'{script}' calls '{function}', which '{module}' does not define"
+                yield Problem(message, Location(defining_file(source)), did_you_mean(function, names))
+        elif folder.is_dir() or folder.name in modules:
+            missing_init = folder.is_dir() and not (folder / "__init__.py").exists()
+            hint = f"add an empty {folder}/__init__.py" if missing_init else did_you_mean(module, modules)
+            message = f"the script '{script}' starts '{module}', which the package does not install"
+            yield Problem(message, Location(defining_file(source)), hint)
 
 
 def _defined(tree: ast.Module) -> tuple[set[str], bool]:
