@@ -192,10 +192,10 @@ class SourceFolders:
     without links.
     """
 
-    def __init__(self, root: Path, sources: Iterable[Path], home: Path | None = None) -> None:
+    def __init__(self, root: Path, sources: Iterable[Path]) -> None:
         """Resolve the absolute folders of packages, `sources`."""
         self._top = os.path.realpath(root)
-        self._home = os.path.realpath(home) if home else ""
+        self._home = os.path.realpath(Path.home())
         self._sources: dict[str, str] = {}
         real_parent = cache(os.path.realpath)  # hundreds of packages have few parents
         for path in map(str, sources):
@@ -209,7 +209,7 @@ class SourceFolders:
         real, sources = os.path.realpath(folder), self._sources
         if real == os.sep:
             return "is the root of the file system"
-        if self._home and f"{self._home}/".startswith(f"{real}/"):
+        if f"{self._home}/".startswith(f"{real}/"):
             return "is the home folder" if real == self._home else "contains the home folder"
         if real in sources:
             return f"is the source folder of a package: '{sources[real]}'"

@@ -15,7 +15,7 @@ from forge.base.text import listed
 from forge.build.up_to_date import InputChange, InputKind
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping
 
     from forge.build.model import BuildRecord, Snapshot
     from forge.build.tasks import BuildPlan
@@ -171,27 +171,22 @@ def announcements(plan: BuildPlan, snapshot: Snapshot) -> Iterator[str]:
             groups.setdefault(is_option or change.names or change.text, []).append(change)
     most_first = sorted(groups.values(), key=len, reverse=True)
     for changes in most_first[:_SHOWN]:
-        yield _announcement(changes)
+        first, names = changes[0], dict.fromkeys(name for change in changes for name in change.names)
+        text = first.text
+        if first.kind is InputKind.OPTION:
+            listed_names = f": {', '.join(names)}" if names else ""
+            text = f"options changed since the last build{listed_names}"
+        elif first.kind is InputKind.VARIABLE and len(names) > 1:
+            text = f"the environment variables {', '.join(map(repr, names))} changed"
+        line = f"{text}; {_rebuilt(len(changes))}"
+        # Variables that sourcing sets cannot simply be unset.
+        if first.kind is InputKind.VARIABLE and not any(name.endswith("PATH") for name in names):
+            it = "it" if len(names) == 1 else "them"
+            remedy = f"unset {it}" if first.added >= names.keys() else f"set {it} as before"
+            line += f"; {remedy} to keep {'it' if len(changes) == 1 else 'them'}"
+        yield line
     if rest := sum(map(len, most_first[_SHOWN:])):
         yield f"{_rebuilt(rest)} for other reasons, which '--explain' shows"
-
-
-def _announcement(changes: Sequence[InputChange]) -> str:
-    """Return the line for packages that are rebuilt for the same reason."""
-    first, names = changes[0], dict.fromkeys(name for change in changes for name in change.names)
-    text = first.text
-    if first.kind is InputKind.OPTION:
-        listed = f": {', '.join(names)}" if names else ""
-        text = f"options changed since the last build{listed}"
-    elif first.kind is InputKind.VARIABLE and len(names) > 1:
-        text = f"the environment variables {', '.join(map(repr, names))} changed"
-    line = f"{text}; {_rebuilt(len(changes))}"
-    # Variables that sourcing sets cannot simply be unset.
-    if first.kind is not InputKind.VARIABLE or any(name.endswith("PATH") for name in names):
-        return line
-    it = "it" if len(names) == 1 else "them"
-    remedy = f"unset {it}" if first.added >= names.keys() else f"set {it} as before"
-    return f"{line}; {remedy} to keep {'it' if len(changes) == 1 else 'them'}"
 
 
 def _rebuilt(count: int) -> str:

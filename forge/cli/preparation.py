@@ -535,7 +535,7 @@ def output_problems(
 
 def check_bases(root: Path, search: SearchPaths, bases: Mapping[str, Path]) -> None:
     """Raise WorkspaceError for bases, by option, that are, contain or lie in sources."""
-    sources = folder_marks.SourceFolders(root, (), Path.home())
+    sources = folder_marks.SourceFolders(root, ())
     with suppress(ForgeError):  # reported where packages are selected
         sources = _sources(root, find_packages(root, search, os.environ))
     raise_if_any(folder_marks.base_problems(bases, sources), WorkspaceError)
@@ -543,7 +543,7 @@ def check_bases(root: Path, search: SearchPaths, bases: Mapping[str, Path]) -> N
 
 def _sources(root: Path, workspace: Workspace) -> folder_marks.SourceFolders:
     sources = (root / package.path for package in workspace.all_packages)
-    return folder_marks.SourceFolders(root, sources, Path.home())
+    return folder_marks.SourceFolders(root, sources)
 
 
 def forge_stamp() -> str:

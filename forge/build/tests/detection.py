@@ -16,10 +16,9 @@ from forge.workspace.python_metadata import PythonMetadata, read_pyproject, read
 _BUILD_TYPE = re.compile(r"^CMAKE_BUILD_TYPE:[^=]*=(.*)$", re.MULTILINE)
 _SUBFOLDER = re.compile(r'^\s*subdirs\("?([^")]+)"?\)', re.MULTILINE)
 _TESTS = re.compile(r"^\s*(add_test|include)\(", re.MULTILINE)
-_MANY = 2
 
 
-def count_ctests(build: Path, most: int = _MANY) -> int:
+def count_ctests(build: Path, most: int) -> int:
     """Return the number of tests that CTest finds in a build folder, or at least `most`.
 
     A file that a list of tests includes may contain any number of them.
