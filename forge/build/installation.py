@@ -129,7 +129,7 @@ def installed_files(
     build = layout.build_dir(name)
     below = f"{prefix}/"
     listed = {*listed_files(build)}
-    raise_if_any(exchange.overwritten(listed), WorkspaceError)
+    raise_if_any((*exchange.overwritten(listed), *exchange.folders_of_others(listed)), WorkspaceError)
     # A listed file may be missing: the package's own code can remove files that CMake installed.
     others, writes = exchange.others(), exchange.writes()
     installed = {path for path in listed if os.path.lexists(path) and not is_folder(path)}

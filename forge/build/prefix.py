@@ -19,6 +19,7 @@ import os
 import shutil
 import stat
 from collections import Counter
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -255,6 +256,23 @@ class PrefixExchange:
                 give_back(path, others[path], copies[path])
                 if blocking:
                     yield self._problem(blocking[0], path)
+
+    def folders_of_others(self, listed: Iterable[str]) -> Iterator[Problem]:
+        """Yield a problem for each file that CMake put into a folder of its name instead of replacing it.
+
+        The folder is one of another package, which perhaps no longer installs it.
+        """
+        folders = [path for path in listed if is_folder(path)] if self._layout.merged else []
+        own = list_file(self._name, self._layout)
+        for file in own.parent.glob("*.json") if folders else ():
+            other = read_list(file, self._prefix) if file != own else None
+            for path, below in product(folders, other.files if other else ()):
+                if below.startswith(f"{path}/") and os.path.lexists(below):
+                    message = f"'{self._name}' installs the file '{path}', and '{file.stem}' has '{below}'"
+                    command = self._layout.command(f"clean packages {file.stem}")
+                    hint = f"if '{file.stem}' no longer installs it: '{command}', then build again"
+                    yield Problem(message, hint=hint)
+                    break
 
     def refused(self) -> Iterator[Problem]:
         """Yield a problem for each unowned link through which a step tried to write."""

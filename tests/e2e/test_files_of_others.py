@@ -275,6 +275,32 @@ def test_installs_do_not_overwrite_unowned_files(
     assert (prefix / theirs).read_text() == "2"
 
 
+def test_a_file_is_not_installed_into_a_former_folder_of_another_package(forge: Forge, tree: Tree) -> None:
+    """In a clean build, the folder would not exist."""
+
+    def rules(destination_a: str, destination_b: str) -> dict[str, str]:
+        texts = {
+            "a": f"FILES x DESTINATION share{destination_a}",
+            "b": f"FILES x DESTINATION share/{destination_b}",
+        }
+        head = "cmake_minimum_required(VERSION 3.18)\nproject(p NONE)\n"
+        return {f"src/{name}/CMakeLists.txt": f"{head}install({text})\n" for name, text in texts.items()}
+
+    manifests = {
+        "src/a/package.xml": manifest_text("a", build_type="cmake"),
+        "src/b/package.xml": manifest_text("b", "<depend>a</depend>", build_type="cmake"),
+    }
+    root = tree({**manifests, "src/a/x": "a", "src/b/x": "b", **rules("", "y")})
+    assert forge("build", "--merge-install", cwd=root).code == 0
+    tree(rules(" RENAME y", "z"))
+    ran = forge("build", "--merge-install", cwd=root)
+    refuse(ran, f"'a' installs the file '{root}/install/share/y'", f"'b' has '{root}/install/share/y/x'")
+    assert "hint: if 'b' no longer installs it: 'forge clean packages b'" in ran.err
+    assert forge("clean", "packages", "b", "--yes", cwd=root).code == 0
+    assert forge("build", "--merge-install", cwd=root).code == 0
+    assert (root / "install/share/y").read_text() == "a"
+
+
 @MERGED
 def test_files_of_an_unobserved_failed_build_do_not_block_the_next(
     forge: Forge, tree: Tree, options: tuple[str, ...]
