@@ -44,12 +44,16 @@ _MAKE_WORD = re.compile(r"(?:\\.|[^\\\s])+")
 
 @frozen
 class Edge:
-    """A command of the native tool. Paths are absolute; `text` is the tool's description of the command."""
+    """A command of the native tool. Paths are absolute; `text` is the tool's description of the command.
+
+    Inputs that only have to exist before it runs are in `after`.
+    """
 
     rule: str
     outputs: tuple[str, ...]
-    inputs: tuple[str, ...]
+    inputs: tuple[str, ...] = ()
     text: str = ""
+    after: tuple[str, ...] = ()
 
     @property
     def compiles(self) -> bool:
@@ -140,36 +144,24 @@ def cmake_edge(build: Path) -> Edge:
     rules = _text(build / "build.ninja").replace("$\n", "")
     # CMake 4.4 adds cmake_install.cmake to the outputs.
     match = re.search(r"^build (build\.ninja(?: .*)?: RERUN_CMAKE .*)", rules, re.MULTILINE)
-    return _edge(build, match[1], "") if match else Edge("", (), (), "")
+    return _edge(build, match[1], "") if match else Edge("", ())
 
 
 def unneeded_outputs(build: Path) -> frozenset[str]:
     """Return the outputs that the default targets of a build folder do not need, not even to be in order."""
-    edges: list[tuple[list[str], list[str]]] = []
-    makers: dict[str, int] = {}
-    waiting: list[str] = []
-    # Blanks in names are escaped; rules and separators are not the names of outputs.
-    for line in _text(build / "build.ninja").replace("$\n", "").replace("$ ", "\0").splitlines():
-        if line.startswith("build "):
-            outputs, _, inputs = line[6:].partition(": ")
-            makers.update(dict.fromkeys(outputs.split(), len(edges)))
-            edges.append((outputs.split(), inputs.split()[1:]))
-        elif line.startswith("default "):
-            waiting += line[8:].split()
-    if not waiting:
-        return frozenset()
-    needed: set[int] = set()
+    rules = _text(build / "build.ninja")
+    edges = _ninja_edges(str(build), rules)
+    makers = {output: edge for edge in edges for output in edge.outputs}
+    defaults = re.findall(r"^default (.*)$", rules.replace("$\n", ""), re.MULTILINE)
+    waiting = [path for line in defaults for path in _edge(build, line, "").outputs]
+    needed = set[Edge]()
     while waiting:
-        number = makers.get(waiting.pop())
-        if number is not None and number not in needed:
-            needed.add(number)
-            waiting += edges[number][1]
-    return frozenset(
-        _absolute(build, _ESCAPE.sub(r"\1", word.replace("\0", " ")))
-        for number, (outputs, _) in enumerate(edges)
-        if number not in needed
-        for word in outputs
-    )
+        edge = makers.get(waiting.pop())
+        if edge and edge not in needed:
+            needed.add(edge)
+            waiting += (*edge.inputs, *edge.after)
+    unneeded = (edge for edge in edges if defaults and edge not in needed)
+    return frozenset(output for edge in unneeded for output in edge.outputs)
 
 
 def _ninja_graph(folder: Path, build: Path, rules: str) -> NativeGraph:
@@ -219,19 +211,20 @@ def _ninja_edges(build: str, rules: str) -> tuple[Edge, ...]:
 def _edge(build: str | Path, head: str, text: str) -> Edge:
     outputs: list[str] = []
     inputs: list[str] = []
-    rule, side, order_only = "", outputs, False
+    after: list[str] = []
+    rule, side = "", outputs
     for word in _TOKEN.findall(head):
         if word == ":" and side is outputs:
             side = inputs
         elif word in {"||", "|@"}:
-            order_only = True
+            side = after
         elif word == "|":
             continue
         elif side is inputs and not rule:
             rule = word
-        elif not order_only and not word.startswith(_WORKDIR):
+        elif not word.startswith(_WORKDIR):
             side.append(_absolute(build, _ESCAPE.sub(r"\1", word) if "$" in word else word))
-    return Edge(rule, tuple(outputs), tuple(inputs), text)
+    return Edge(rule, tuple(outputs), tuple(inputs), text, tuple(after))
 
 
 def _ninja_reports(folder: Path, build: Path) -> Iterator[tuple[str, tuple[str, ...]]]:
