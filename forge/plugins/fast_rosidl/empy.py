@@ -184,33 +184,33 @@ class _Compiler:
     def __init__(self, em: ModuleType) -> None:
         self._em = em
         self._version_3 = _is_version_3(em)
-        self._convert: dict[str, Callable[[Any], list[ast.stmt]]] = {
-            "NullToken": lambda token: _call(_WRITE, ast.Constant(token.data)),
-            "TextToken": lambda token: _call(_WRITE, ast.Constant(token.data)),
-            "LiteralToken": lambda token: _call(_WRITE, ast.Constant(token.first)),
-            "PrefixToken": lambda _: _call(_WRITE, ast.Constant("@")),
-            "EscapeToken": self._escape,
-            "WhitespaceToken": lambda _: [],
-            "CommentToken": lambda _: [],
-            "LineCommentToken": lambda _: [],
-            "InlineCommentToken": lambda _: [],
-            "ExpressionToken": self._expression,
-            "SimpleExpressionToken": self._simple,
-            "StatementToken": lambda token: self._statements(token.code),
-            "ControlToken": self._control,
-        }
 
     def block(self, tokens: list[Any]) -> Iterator[ast.stmt]:
         for token in tokens:
-            convert = self._convert.get(type(token).__name__)
-            if convert is None:
-                raise UncompilableError(type(token).__name__)
-            yield from convert(token)
+            yield from self._convert(token)
 
-    def _escape(self, token: Any) -> list[ast.stmt]:
-        if not self._version_3:
-            raise UncompilableError("escape")
-        return _call(_WRITE, ast.Constant(token.code))
+    def _convert(self, token: Any) -> list[ast.stmt]:
+        match type(token).__name__:
+            case "NullToken" | "TextToken":
+                return _call(_WRITE, ast.Constant(token.data))
+            case "LiteralToken":
+                return _call(_WRITE, ast.Constant(token.first))
+            case "PrefixToken":
+                return _call(_WRITE, ast.Constant("@"))
+            case "EscapeToken" if self._version_3:
+                return _call(_WRITE, ast.Constant(token.code))
+            case "WhitespaceToken" | "CommentToken" | "LineCommentToken" | "InlineCommentToken":
+                return []
+            case "ExpressionToken":
+                return self._expression(token)
+            case "SimpleExpressionToken" if not getattr(token, "subtokens", None):
+                return _call(_SERIALIZE, self._evaluated(token.code))
+            case "StatementToken":
+                return self._statements(token.code)
+            case "ControlToken":
+                return self._control(token)
+            case name:
+                raise UncompilableError(name)
 
     def _expression(self, token: Any) -> list[ast.stmt]:
         if self._version_3:
@@ -222,11 +222,6 @@ class _Compiler:
         if rarer:
             raise UncompilableError("conditional expression")
         return _call(_SERIALIZE, self._evaluated(code))
-
-    def _simple(self, token: Any) -> list[ast.stmt]:
-        if getattr(token, "subtokens", None):
-            raise UncompilableError("functional expression")
-        return _call(_SERIALIZE, self._evaluated(token.code))
 
     def _evaluated(self, code: str) -> ast.expr:
         """Return an expression as EmPy evaluates it."""
@@ -250,16 +245,19 @@ class _Compiler:
         return statements
 
     def _control(self, token: Any) -> list[ast.stmt]:
-        conversions: dict[str, Callable[[Any], list[ast.stmt]]] = {
-            "if": self._if,
-            "for": self._for,
-            "while": self._while,
-            "continue": lambda _: [ast.Continue()],
-            "break": lambda _: [ast.Break()],
-        }
-        if token.type not in conversions:
-            raise UncompilableError(token.type)
-        return conversions[token.type](token)
+        match token.type:
+            case "if":
+                return self._if(token)
+            case "for":
+                return self._for(token)
+            case "while":
+                return self._while(token)
+            case "continue":
+                return [ast.Continue()]
+            case "break":
+                return [ast.Break()]
+            case other:
+                raise UncompilableError(other)
 
     def _chains(self, token: Any, *allowed: str) -> list[tuple[Any, list[ast.stmt]]]:
         """Return the control tokens of a construct, each with the statements that follow it."""

@@ -136,22 +136,19 @@ def rosidl_worker(python: Path, cache: Path, variables: Mapping[str, str]) -> It
         yield {WORKER_VARIABLE: address}
 
 
+def _uses_ros(package: Package, context: BuildContext) -> bool:
+    return package.build_type == "ament_cmake" and GENERATORS not in context.embedded
+
+
 def _has_interfaces(package: Package, context: BuildContext) -> bool:
     """Return whether a package generates interfaces with rosidl."""
-    return (
-        package.build_type == "ament_cmake"
-        and GENERATORS not in context.embedded
-        and INTERFACE_GROUP in package.manifest.groups
-    )
+    return _uses_ros(package, context) and INTERFACE_GROUP in package.manifest.groups
 
 
 def _has_nodes(package: Package, context: BuildContext) -> bool:
     """Return whether a package may register component nodes."""
-    return (
-        package.build_type == "ament_cmake"
-        and GENERATORS not in context.embedded
-        and any(dependency.name == "rclcpp_components" for dependency in package.manifest.dependencies)
-    )
+    names = (dependency.name for dependency in package.manifest.dependencies)
+    return _uses_ros(package, context) and "rclcpp_components" in names
 
 
 def _configures_several(packages: Sequence[Package], context: BuildContext) -> bool:

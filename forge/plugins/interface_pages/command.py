@@ -35,7 +35,7 @@ from forge.interfaces.writing import Written, unwritable
 from forge.plugins.interface_pages.site import PackageInfo, site
 from forge.workspace.discovery import ROS_DEFAULTS, discover
 from forge.workspace.manifest import parse_manifest
-from forge.workspace.model import Manifest, Package
+from forge.workspace.model import Package
 from forge.workspace.resolve import GENERATORS, INTERFACE_GROUP
 from forge.workspace.root import find_install, find_root
 
@@ -166,19 +166,16 @@ def _about(name: str, library: Library, packages: Mapping[str, Package], *, whol
         origin = "from the workspace"
     else:
         origin = "embedded in forge" if folder.is_relative_to(EMBEDDED) else "from an underlay"
-    manifest = packages[name].manifest if name in packages else _manifest(folder / "package.xml")
+    manifest, path = None, folder / "package.xml"
+    if name in packages:
+        manifest = packages[name].manifest
+    else:
+        with suppress(OSError, ForgeError):  # missing or unreadable
+            manifest = parse_manifest(read_file(path), path, {**ROS_DEFAULTS, **os.environ})
     limits = "" if whole else ", only referenced types"
     if manifest is None:
         return PackageInfo(origin=origin + limits)
     return PackageInfo(manifest.version, manifest.description, origin + limits)
-
-
-def _manifest(path: Path) -> Manifest | None:
-    """Return the manifest next to the definitions, None if it is missing or unreadable."""
-    try:
-        return parse_manifest(read_file(path), path, {**ROS_DEFAULTS, **os.environ})
-    except (OSError, ForgeError):
-        return None
 
 
 def write_site(files: Iterable[File], out: Path) -> Written:
