@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from forge.base.names import snake_case
 from forge.interfaces.model import Array, Sequence, TypeName
 from forge.interfaces.python.cdr_text import (
+    CONVERTED,
     HEADER_SIZE,
     FunctionSource,
     Group,
@@ -38,9 +39,6 @@ from forge.interfaces.wire.layout import (
     Scalar,
     StringData,
 )
-
-CONVERSIONS = {"boolean": "from_flags", "octet": "from_octets", "char": "from_chars", "wchar": "from_wchars"}
-"""The run-time functions for collections that are stored as neither numpy arrays nor arrays."""
 
 _HEADER_CHECK = ("if encapsulation != _LITTLE_ENDIAN:", "    raise _pieces.Refused")
 
@@ -155,9 +153,8 @@ class _Reader:
             struct = self.lines.table("texts", table)
         else:
             self.cursor.store()
-            struct = (
-                f"{self.lines.table('texts', f'_pieces.phased_read_texts({struct_format(after)!r})')}[o & 7]"
-            )
+            table = f"_pieces.phased_read_texts({struct_format(after)!r})"
+            struct = f"{self.lines.table('texts', table)}[o & 7]"
         struct = f"{struct}[{self._lengths[chars.path]}]"
         if not last:
             self.lines.add(f"struct = {struct}")
@@ -173,7 +170,7 @@ class _Reader:
         slot = self.slot(chars.path)
         self.lines.add(f"{slot} = {expression}")
         if chars.type.bound is not None:
-            self.lines.add(f"if len({slot}) > {chars.type.bound}:", "    raise _pieces.Refused")
+            self.lines.reject_if(f"len({slot}) > {chars.type.bound}")
 
     def _numbers(self, group: PrimitiveElements, *, last: bool) -> None:
         size = SIZES[group.of.name]
@@ -187,8 +184,8 @@ class _Reader:
             number = self._lengths[group.path]
             self.cursor.pad(group.padding, size, number)
             end = self.cursor.check_available(f"{size} * {number}" if size > 1 else number)
-            if group.of.name in CONVERSIONS:
-                self.lines.add(f"{slot} = _pieces.{CONVERSIONS[group.of.name]}(view[o:{end}])")
+            if group.of.name in CONVERTED:
+                self.lines.add(f"{slot} = _pieces.from_{CONVERTED[group.of.name]}(view[o:{end}])")
             else:
                 # Numbers are copied into an array; on first access if they are many.
                 code = TYPE_CODES[group.of.name]
@@ -218,7 +215,7 @@ class _Reader:
             self.cursor.store()
             if counted:
                 least = f"{group.body.min_size} * {number}" if group.body.min_size > 1 else number
-                self.lines.add(f"if {least} > size - o:", "    raise _pieces.Refused")
+                self.lines.reject_if(f"{least} > size - o")
         root = self.lines.name(singular(group.path[-1]))
         element = _Reader(self.lines, root, Cursor(self.lines, absolute=False))
         if run:
@@ -318,8 +315,8 @@ class _Reader:
 
     def array(self, block: InlineArray, raw: str) -> str:
         """Return the expression that creates an array from its bytes."""
-        if block.of.name in CONVERSIONS:
-            return f"_pieces.{CONVERSIONS[block.of.name]}({raw})"
+        if block.of.name in CONVERTED:
+            return f"_pieces.from_{CONVERTED[block.of.name]}({raw})"
         dtype = self.lines.table(DTYPES[block.of.name], f"_numpy.dtype({DTYPES[block.of.name]!r})")
         return f"_ndarray(({block.type.size},), {dtype}, bytearray({raw}))"
 
@@ -387,7 +384,8 @@ class Cursor:
         """Emit the lines that reject data with fewer remaining bytes; return the name of the end offset."""
         self.store()
         end = self.lines.name("end")
-        self.lines.add(f"{end} = o + {length}", f"if {end} > size:", "    raise _pieces.Refused")
+        self.lines.add(f"{end} = o + {length}")
+        self.lines.reject_if(f"{end} > size")
         return end
 
     def move_to(self, end: str, *, last: bool) -> None:

@@ -31,6 +31,9 @@ HEADER_SIZE: Final = 4
 CODES: Final = {**TYPE_CODES, "boolean": "?", "octet": "c", "char": "B", "wchar": "I"}
 """The format character of the struct module for each primitive type."""
 
+CONVERTED: Final = {"boolean": "flags", "octet": "octets", "char": "chars", "wchar": "wchars"}
+"""The types whose collections are neither numpy arrays nor arrays, and the suffix of run-time functions."""
+
 _RESERVED: Final = frozenset(
     {
         *keyword.kwlist,
@@ -168,6 +171,10 @@ class FunctionSource:
 
     def add(self, *lines: str) -> None:
         self.lines += ["    " * self._depth + line for line in lines]
+
+    def reject_if(self, condition: str) -> None:
+        """Emit the lines that leave data to the generic codec, which reports errors."""
+        self.add(f"if {condition}:", "    raise _pieces.Refused")
 
     def indent(self) -> None:
         self._depth += 1

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from forge.base.names import snake_case
 from forge.interfaces.model import Array, Primitive, Sequence, String
 from forge.interfaces.python.cdr_text import (
+    CONVERTED,
     HEADER_SIZE,
     FunctionSource,
     Group,
@@ -41,7 +42,6 @@ _READABLE = 60
 """Longer calls get a separate line."""
 
 _WIDENED = frozenset({"char", "wchar"})
-_CONVERSIONS = {"boolean": "to_flags", "octet": "to_octets", "char": "to_chars", "wchar": "to_wchars"}
 
 
 def emit_writer(lines: FunctionSource, layout: MessageLayout) -> None:
@@ -200,14 +200,15 @@ class _Writer:
                     values.append(self._count(path, type_))
         return values
 
-    def _block(self, block: InlineArray) -> str:
-        conversion = _CONVERSIONS.get(block.of.name)
+    def _block(self, block: InlineArray, *, copied: bool = True) -> str:
+        """Emit the lines that check the bytes of an array, copied or in place; return their local name."""
         word = self._attribute(block.path)
         name = self.lines.name("_".join(block.path) or self.root)
-        expression = f"_pieces.{conversion}({word})" if conversion else f"{word}.tobytes()"
-        self.lines.add(
-            f"{name} = {expression}", f"if len({name}) != {block.size}:", "    raise _pieces.Refused"
-        )
+        expression, size = (f"{word}.tobytes()", f"len({name})") if copied else (word, f"{name}.nbytes")
+        if block.of.name in CONVERTED:
+            expression, size = f"_pieces.to_{CONVERTED[block.of.name]}({word})", f"len({name})"
+        self.lines.add(f"{name} = {expression}")
+        self.lines.reject_if(f"{size} != {block.size}")
         return name
 
     def _count(self, path: Path, type_: String | Sequence) -> str:
@@ -219,14 +220,14 @@ class _Writer:
         if isinstance(type_, String):
             expression = f"_pieces.to_wide({word})" if type_.wide else f"{word}.encode()"
             length = f"len({name}) >> 2" if type_.wide else length
-        elif isinstance(type_.of, Primitive) and type_.of.name in _CONVERSIONS:
-            expression = f"_pieces.{_CONVERSIONS[type_.of.name]}({word})"
+        elif isinstance(type_.of, Primitive) and type_.of.name in CONVERTED:
+            expression = f"_pieces.to_{CONVERTED[type_.of.name]}({word})"
             length = f"len({name}) >> 2" if type_.of.name == "wchar" else length
         self.lines.add(f"{name} = {expression}", f"{number} = {length}")
         if type_.bound is not None:
             # The bound of a string counts characters, which take at least a byte or a code unit each.
             exact = f" and len({word}) > {type_.bound}" if isinstance(type_, String) else ""
-            self.lines.add(f"if {number} > {type_.bound}{exact}:", "    raise _pieces.Refused")
+            self.lines.reject_if(f"{number} > {type_.bound}{exact}")
         self._locals[path] = (name, number)
         return f"{number} + 1" if isinstance(type_, String) and not type_.wide else number
 
@@ -235,15 +236,7 @@ class _Writer:
         if isinstance(group.type, Array):
             block = InlineArray(group.path, group.type, group.of)
             empty, length = "", str(block.size)
-            if block.of.name in _CONVERSIONS:
-                name = self._block(block)
-            else:
-                name = self.lines.name("_".join(block.path) or self.root)
-                self.lines.add(
-                    f"{name} = {self._attribute(block.path)}",
-                    f"if {name}.nbytes != {block.size}:",
-                    "    raise _pieces.Refused",
-                )
+            name = self._block(block, copied=False)
         else:
             name, number = self._locals[group.path]
             empty = f' if {number} else b""'
@@ -267,7 +260,7 @@ class _Writer:
             name = self.lines.name("_".join(group.path) or self.root)
             self.lines.add(f"{name} = {self._attribute(group.path)}")
         if isinstance(group.type, Array):
-            self.lines.add(f"if len({name}) != {group.type.size}:", "    raise _pieces.Refused")
+            self.lines.reject_if(f"len({name}) != {group.type.size}")
         groups = group_steps(group.body.steps)
         element = self.lines.name(singular(group.path[-1]))
         self.lines.add(f"for {element} in {name}:")
