@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,17 @@ import pytest
 
 from forge.base.distributions import EMBEDDED
 from forge.base.files import write_if_changed
-from forge.interfaces.model import Catalog, File, Message, Source, sections_of
+from forge.interfaces.model import (
+    Catalog,
+    Constant,
+    File,
+    Message,
+    Primitive,
+    Source,
+    String,
+    TypeName,
+    sections_of,
+)
 from forge.interfaces.python import target
 from forge.interfaces.python.types import module_name
 from forge.interfaces.read.parsing import parse_all
@@ -33,12 +44,45 @@ CODES = dict(zip(INTEGERS, "bhiqBHIQ", strict=True)) | {"float32": "f", "float64
 """The type code of an array of each numeric type."""
 
 
-def catalog_of(package: str, definitions: Mapping[str, str]) -> Catalog:
-    """Return the catalog of definitions such as {'msg/X.msg': 'int8 a'}; they may use embedded packages."""
+def catalog_of(package: str, definitions: Mapping[str, str], *extra: Message) -> Catalog:
+    """Return the catalog of definitions such as {'msg/X.msg': 'int8 a'}; they may use embedded packages.
+
+    `extra` are further messages, such as those that only IDL can define.
+    """
     sources = [
         Source(package, path, Path("/src") / package / path, text) for path, text in definitions.items()
     ]
-    return resolve(package, parse_all(sources), Library())
+    catalog = resolve(package, parse_all(sources), Library())
+    more = {message.name: message for message in extra}
+    return replace(catalog, interfaces={**catalog.interfaces, **more}, known={**catalog.known, **more})
+
+
+def difficult_constants() -> Message:
+    """Return a message of constants that are difficult to write in C and C++."""
+    doc = ("ends in a backslash \\", "", "*/ and /* and ??/")
+    values: dict[str, tuple[Primitive | String, bool | float | str]] = {
+        "LOWEST": (Primitive("int64"), -(2**63)),
+        "HIGHEST": (Primitive("uint64"), 2**64 - 1),
+        "LOW": (Primitive("int32"), -(2**31)),
+        "YES": (Primitive("boolean"), True),
+        "OCTET": (Primitive("octet"), 255),
+        "TENTH": (Primitive("float"), 0.1),
+        "ENDLESS": (Primitive("double"), float("inf")),
+        "NOTHING": (Primitive("float"), float("nan")),
+        "TINY": (Primitive("float"), 1e-60),
+        "HUGE": (Primitive("float"), 1e60),
+        "LEAST": (Primitive("double"), 5e-324),
+        "ERROR": (Primitive("int8"), 1),
+        "DELETE": (Primitive("int8"), 2),
+        "NO_ERROR": (Primitive("int8"), 3),
+        "QUOTED": (String(), 'a "b" \\ c\n\tend??/'),
+        "NAME": (String(), "café 日"),
+        "WIDE": (String(wide=True), "café 日 😀"),
+        "ZERO_INSIDE": (String(), "a\x001"),
+        "HALF": (String(wide=True), "\ud800f\0"),
+    }
+    name = TypeName("probe", "msg", "Constants")
+    return Message(name, (), tuple(Constant(n, t, v, doc) for n, (t, v) in values.items()), doc)
 
 
 def render(catalog: Catalog, target: str) -> tuple[File, ...]:

@@ -15,19 +15,16 @@ from forge.interfaces.cpp import target as cpp
 from forge.interfaces.model import (
     Array,
     Catalog,
-    Constant,
     Field,
     Message,
     Primitive,
     Sequence,
-    Source,
     String,
     TypeName,
 )
-from forge.interfaces.read.parsing import parse_all
-from forge.interfaces.read.sources import Library, read_folder
-from forge.interfaces.resolve.resolution import resolve
+from forge.interfaces.read.sources import Library
 from forge.plugins.c_target import target as c
+from tests.generated import catalog_of, difficult_constants, embedded_catalog
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -65,30 +62,6 @@ string[] words [x, y]
 }
 
 
-def constants() -> Message:
-    """Return a message of nothing but constants, some of them hard to write in C."""
-    doc = ("ends in a backslash \\", "", "*/ and /* and ??/")
-    values: dict[str, tuple[Primitive | String, bool | float | str]] = {
-        "LOWEST": (Primitive("int64"), -(2**63)),
-        "HIGHEST": (Primitive("uint64"), 2**64 - 1),
-        "LOW": (Primitive("int32"), -(2**31)),
-        "YES": (Primitive("boolean"), True),
-        "OCTET": (Primitive("octet"), 255),
-        "TENTH": (Primitive("float"), 0.1),
-        "ENDLESS": (Primitive("double"), float("inf")),
-        "NOTHING": (Primitive("float"), float("nan")),
-        "TINY": (Primitive("float"), 1e-60),
-        "HUGE": (Primitive("float"), 1e60),
-        "LEAST": (Primitive("double"), 5e-324),
-        "ERROR": (Primitive("int8"), 1),
-        "QUOTED": (String(), 'a "b" \\ c\n\tend??/'),
-        "NAME": (String(), "café 日"),
-        "WIDE": (String(wide=True), "café 日 😀"),
-    }
-    name = TypeName("probe", "msg", "Constants")
-    return Message(name, (), tuple(Constant(n, t, v, doc) for n, (t, v) in values.items()), doc)
-
-
 def wide() -> Message:
     """Return a message of the types that only IDL can say, and of odd defaults."""
     fields = (
@@ -109,14 +82,9 @@ def wide() -> Message:
 
 def catalogs() -> Iterator[Catalog]:
     """Yield all embedded packages, and one of odd messages."""
-    library = Library()
-    for package, folder in library.packages().items():
-        if folder.is_relative_to(EMBEDDED):
-            yield resolve(package, parse_all(read_folder(package, folder)), library)
-    sources = [Source("probe", f"msg/{n}.msg", Path(n), text) for n, text in DEFINITIONS.items()]
-    probe = resolve("probe", parse_all(sources), library)
-    extra = {message.name: message for message in (constants(), wide())}
-    yield Catalog("probe", {**probe.interfaces, **extra}, {**probe.known, **extra}, probe.sources)
+    yield from map(embedded_catalog, Library().packages())
+    definitions = {f"msg/{name}.msg": text for name, text in DEFINITIONS.items()}
+    yield catalog_of("probe", definitions, difficult_constants(), wide())
 
 
 def without_long_doubles(catalog: Catalog) -> Catalog:

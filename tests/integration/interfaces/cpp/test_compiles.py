@@ -12,7 +12,6 @@ from forge.interfaces.cpp import target as cpp
 from forge.interfaces.model import (
     Array,
     Catalog,
-    Constant,
     Field,
     Message,
     Named,
@@ -25,8 +24,9 @@ from forge.interfaces.model import (
     messages_of,
 )
 from forge.interfaces.read.parsing import parse_all
-from forge.interfaces.read.sources import Library, read_folder
+from forge.interfaces.read.sources import Library
 from forge.interfaces.resolve.resolution import resolve
+from tests.generated import catalog_of, difficult_constants, embedded_catalog
 
 HERE = Path(__file__).parent
 RUNTIME = EMBEDDED / "rosidl_default_runtime" / "include"
@@ -122,35 +122,6 @@ DEFINITIONS = {
     "geometry_msgs/Point point\ngeometry_msgs/Point[] points\n",
     "Strings": "string text\nstring[] words\n",
 }
-INT64 = Primitive("int64")
-
-
-def constants() -> Message:
-    """Return a message of constants that are difficult to write in C++."""
-    doc = ("ends in a backslash \\", "", "*/ and /* and ??/")
-    values: dict[str, tuple[Primitive | String, bool | float | str]] = {
-        "LOWEST": (INT64, -(2**63)),
-        "HIGHEST": (Primitive("uint64"), 2**64 - 1),
-        "LOW": (Primitive("int32"), -(2**31)),
-        "YES": (Primitive("boolean"), True),
-        "OCTET": (Primitive("octet"), 255),
-        "TENTH": (Primitive("float"), 0.1),
-        "ENDLESS": (Primitive("double"), float("inf")),
-        "NOTHING": (Primitive("float"), float("nan")),
-        "TINY": (Primitive("float"), 1e-60),
-        "HUGE": (Primitive("float"), 1e60),
-        "LEAST": (Primitive("double"), 5e-324),
-        "ERROR": (Primitive("int8"), 1),
-        "DELETE": (Primitive("int8"), 2),
-        "NO_ERROR": (Primitive("int8"), 3),
-        "QUOTED": (String(), 'a "b" \\ c\n\tend??/'),
-        "NAME": (String(), "café 日"),
-        "WIDE": (String(wide=True), "café 日 😀"),
-        "ZERO_INSIDE": (String(), "a\x001"),
-        "HALF": (String(wide=True), "\ud800f\0"),
-    }
-    name = TypeName("probe", "msg", "Constants")
-    return Message(name, (), tuple(Constant(n, t, v, doc) for n, (t, v) in values.items()), doc)
 
 
 def wide() -> Message:
@@ -166,14 +137,9 @@ def wide() -> Message:
 
 def catalogs() -> Iterator[Catalog]:
     """Yield the packages that the program uses."""
-    library = Library()
-    for package in PACKAGES:
-        folder = EMBEDDED / package
-        yield resolve(package, parse_all(read_folder(package, folder)), library)
-    sources = [Source("probe", f"msg/{n}.msg", Path(n), text) for n, text in DEFINITIONS.items()]
-    probe = resolve("probe", parse_all(sources), library)
-    extra = {message.name: message for message in (constants(), wide())}
-    yield Catalog("probe", {**probe.interfaces, **extra}, {**probe.known, **extra}, probe.sources)
+    yield from map(embedded_catalog, PACKAGES)
+    definitions = {f"msg/{name}.msg": text for name, text in DEFINITIONS.items()}
+    yield catalog_of("probe", definitions, difficult_constants(), wide())
 
 
 @pytest.fixture(scope="module")
