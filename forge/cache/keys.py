@@ -191,7 +191,8 @@ def scripts_digest(build: Path, source: Path, tree: Tree, relocator: Relocator) 
     """Return a digest of all inputs of a build, except compiled sources and copied files.
 
     It is '' if that is unknown, or if compilers could see a path of the workspace: in a definition, or in a
-    file that is not a source of the package. Then other code may depend on that path, if only on its length.
+    file. Then other code may depend on that path, if only on its length. The same holds for a source that
+    contains the path: in an installed copy, no placeholder may replace it.
     """
     graph, record = read_native_graph(build), read_record(build)
     seen = record.commands if record else NOT_OBSERVED
@@ -213,11 +214,12 @@ def scripts_digest(build: Path, source: Path, tree: Tree, relocator: Relocator) 
         is_generated = path in compiled and path in generated
         is_script = (path in scripts or path in seen.rest.read) and path not in outputs
         word = relocator.relativize_word(path)
-        is_foreign = path in compiled and word != path and not path.startswith(f"{source}/")
-        if not (is_generated or is_script or is_foreign) or not os.path.isfile(path):  # noqa: PTH113
+        is_seen = is_generated or (path in compiled and word != path)
+        is_source = path.startswith(f"{source}/") and path not in generated
+        if not (is_script or is_seen) or not os.path.isfile(path):  # noqa: PTH113
             continue
         content = Path(path).read_bytes()
-        if (is_generated or is_foreign) and relocator.occur_in(content):
+        if (is_seen or is_source) and relocator.occur_in(content):
             return ""
         digest = hashlib.sha256(relocator.relativize(content)).hexdigest()
         if is_generated or (is_script and (path in scripts or digest not in copied)):

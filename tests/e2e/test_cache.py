@@ -251,6 +251,34 @@ def test_code_changes_are_shared_if_the_build_scripts_are_path_independent(
     assert restored(users.build(three)) == 0
 
 
+@pytest.mark.parametrize("name", ["main.cpp", "copied.txt"])
+def test_a_source_that_spells_the_path_of_its_workspace_is_not_shared(
+    users: Users, tmp_path: Path, name: str
+) -> None:
+    """A clean build elsewhere installs it with this path, not with its own."""
+    code = "add_executable(speak main.cpp)\ninstall(FILES main.cpp copied.txt DESTINATION share)\n"
+    files = {
+        **BOUND,
+        "src/speaking/CMakeLists.txt": f"cmake_minimum_required(VERSION 3.16)\nproject(speaking CXX)\n{code}",
+        "src/speaking/main.cpp": "int main() {}\n",
+        "src/speaking/copied.txt": "",
+    }
+    names = ("one", "deeper/second", "x/y/third")
+    one, two, three = (write_files(tmp_path / each, files) for each in names)
+    users.build(one)
+    assert "cached for any path" in users.build(two, "--explain").out
+    for text, is_shared in (("// shared\n", True), (f"// {one}/install\n", False)):
+        for root in (one, three):
+            (root / "src/speaking" / name).write_text(f"int main() {{}}\n{text}")
+        users.begin_anew(one)
+        users.build(one)
+        users.begin_anew(three)
+        assert restored(users.build(three)) == is_shared
+    assert (three / "src/speaking" / name).read_text() == (
+        three / "install/speaking/share" / name
+    ).read_text()
+
+
 def test_a_path_in_a_dependencys_header_may_affect_other_code(users: Users, tmp_path: Path) -> None:
     generating = (
         'file(WRITE ${CMAKE_BINARY_DIR}/library.h "#define PLACE \\"${CMAKE_INSTALL_PREFIX}\\"\\n")\n'
