@@ -207,7 +207,7 @@ def finish_workspace(
 def _write_implicit(package: Package, prefix: Path, installed: Collection[str], *, symlink: bool) -> None:
     """Write the index marker and package.xml of a package unless its own build installs them."""
     marker, manifest = f"{INDEX}/packages/{package.name}", f"share/{package.name}/package.xml"
-    if not (prefix / marker).exists():
+    if marker not in installed and not has_text(prefix / marker, ""):
         replace_file(prefix / marker, b"")
     path, source = prefix / manifest, package.manifest.path.absolute()
     if manifest in installed or (symlink and path.is_symlink() and path.readlink() == source):
