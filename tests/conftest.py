@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import gc
 import os
 import shutil
 import signal
@@ -297,6 +298,11 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         passed = frozenset(Path(file).read_text(encoding="utf-8").splitlines())
         config.hook.pytest_deselected(items=[item for item in items if item.nodeid in passed])
         items[:] = [item for item in items if item.nodeid not in passed]
+
+
+def pytest_collection_finish() -> None:
+    """Spare garbage collections the thousands of tests; at its end, pytest makes five, a second each."""
+    gc.freeze()
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

@@ -74,9 +74,11 @@ def floor_of(module: str) -> int:
 
 
 @cache
-def arrows(module: str) -> tuple[Arrow, ...]:
-    """Return all imports of a module, forge's own ones as names below forge."""
-    return tuple(_arrows(modules()[module], for_types=False))
+def all_arrows() -> tuple[tuple[str, Arrow], ...]:
+    """Return all imports with the module that has them, forge's own ones as names below forge."""
+    return tuple(
+        (module, arrow) for module, tree in modules().items() for arrow in _arrows(tree, for_types=False)
+    )
 
 
 def _arrows(node: ast.AST, *, for_types: bool) -> Iterator[Arrow]:
@@ -121,39 +123,41 @@ def test_every_package_is_documented() -> None:
     assert [name for name in PACKAGES if f"`{name}`" not in page] == []
 
 
-@pytest.mark.parametrize("module", modules())
-def test_imports_point_to_the_same_or_a_lower_layer(module: str) -> None:
-    up = [
-        f"line {arrow.line}: {arrow.target}"
-        for arrow in arrows(module)
+def test_imports_point_to_the_same_or_a_lower_layer() -> None:
+    assert not [
+        f"{module}:{arrow.line}: {arrow.target}"
+        for module, arrow in all_arrows()
         if not arrow.target.startswith(":")
         and floor_of(arrow.target) > floor_of(module)
         and arrow.target != "."
     ]
-    assert not up
 
 
-@pytest.mark.parametrize("module", [module for module, tree in modules().items() if _is_pure(tree)])
-def test_pure_modules_do_not_access_the_machine(module: str) -> None:
-    impure = [arrow for arrow in arrows(module) if arrow.target.removeprefix(":").split(".")[0] in IMPURE]
-    assert not impure
-
-
-@pytest.mark.parametrize("module", [module for module in modules() if module.startswith("interfaces")])
-def test_the_interface_compiler_does_not_import_the_build(module: str) -> None:
-    foreign = [
-        arrow
-        for arrow in arrows(module)
-        if not arrow.target.startswith((":", "base", "interfaces")) and arrow.target != "."
+def test_pure_modules_do_not_access_the_machine() -> None:
+    assert not [
+        (module, arrow)
+        for module, arrow in all_arrows()
+        if _is_pure(modules()[module]) and arrow.target.removeprefix(":").split(".")[0] in IMPURE
     ]
-    assert not foreign
 
 
-@pytest.mark.parametrize(
-    "module", [m for m in modules() if not m.startswith(("interfaces", "cli.commands", "plugins"))]
-)
-def test_building_does_not_import_the_interface_compiler(module: str) -> None:
-    assert not [arrow for arrow in arrows(module) if arrow.target.startswith("interfaces")]
+def test_the_interface_compiler_does_not_import_the_build() -> None:
+    assert not [
+        (module, arrow)
+        for module, arrow in all_arrows()
+        if module.startswith("interfaces")
+        and not arrow.target.startswith((":", "base", "interfaces"))
+        and arrow.target != "."
+    ]
+
+
+def test_building_does_not_import_the_interface_compiler() -> None:
+    assert not [
+        (module, arrow)
+        for module, arrow in all_arrows()
+        if not module.startswith(("interfaces", "cli.commands", "plugins"))
+        and arrow.target.startswith("interfaces")
+    ]
 
 
 def plugin_of(module: str) -> str | None:
@@ -161,10 +165,12 @@ def plugin_of(module: str) -> str | None:
     return module.split(".")[1] if module.startswith("plugins.") else None
 
 
-@pytest.mark.parametrize("module", modules())
-def test_plugins_are_imported_neither_by_the_core_nor_by_each_other(module: str) -> None:
-    foreign = {plugin_of(arrow.target) for arrow in arrows(module)} - {None, plugin_of(module)}
-    assert not foreign
+def test_plugins_are_imported_neither_by_the_core_nor_by_each_other() -> None:
+    assert not [
+        (module, arrow)
+        for module, arrow in all_arrows()
+        if plugin_of(arrow.target) not in {None, plugin_of(module)}
+    ]
 
 
 def public_modules(package: str) -> Iterator[str]:
@@ -177,24 +183,27 @@ def public_modules(package: str) -> Iterator[str]:
                     yield from list(public_modules(module)) or [module]
 
 
-PUBLIC = {module for package in PACKAGES[:-1] for module in public_modules(package)}
+def test_plugins_import_only_public_modules_of_the_core() -> None:
+    public = {module for package in PACKAGES[:-1] for module in public_modules(package)}
+    assert public - modules().keys() == {"interfaces.Types", "interfaces.load"}
+    assert not [
+        f"{module}:{arrow.line}: {arrow.target}"
+        for module, arrow in all_arrows()
+        if plugin_of(module)
+        and not arrow.target.startswith((":", ".", "plugins."))
+        and arrow.target not in public
+    ]
 
 
-def test_public_names_exist() -> None:
-    assert PUBLIC - modules().keys() == {"interfaces.Types", "interfaces.load"}
-
-
-@pytest.mark.parametrize("module", [module for module in modules() if plugin_of(module)])
-def test_a_plugin_imports_public_modules_of_the_core(module: str) -> None:
-    core = [arrow for arrow in arrows(module) if not arrow.target.startswith((":", ".", "plugins."))]
-    assert not [f"line {arrow.line}: {arrow.target}" for arrow in core if arrow.target not in PUBLIC]
-
-
-@pytest.mark.parametrize("module", modules())
-def test_no_module_imports_private_names_of_another(module: str) -> None:
-    imports = [node for node in ast.walk(modules()[module]) if isinstance(node, ast.ImportFrom)]
-    names = [name.name for node in imports for name in node.names if (node.module or "").startswith("forge")]
-    assert not [name for name in names if name.startswith("_") and not name.endswith("__")]
+def test_no_module_imports_private_names_of_another() -> None:
+    assert not [
+        (module, name.name)
+        for module, tree in modules().items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("forge")
+        for name in node.names
+        if name.name.startswith("_") and not name.name.endswith("__")
+    ]
 
 
 @pytest.mark.parametrize("folder", ["unit", *(f"plugins/{plugin}" for plugin in PLUGINS)])
@@ -210,26 +219,24 @@ def test_pyproject_lists_all_plugins() -> None:
 
 
 def test_forge_does_not_import_its_embedded_packages() -> None:
-    assert not [module for module in modules() for arrow in arrows(module) if "embedded" in arrow.target]
+    assert not [module for module, arrow in all_arrows() if "embedded" in arrow.target]
 
 
 def test_imports_are_acyclic() -> None:
-    graph = {
-        module: {arrow.target for arrow in arrows(module) if not arrow.for_types} for module in modules()
-    }
+    graph: dict[str, set[str]] = {}
+    for module, arrow in all_arrows():
+        if not arrow.for_types:
+            graph.setdefault(module, set()).add(arrow.target)
     graphlib.TopologicalSorter(graph).prepare()
 
 
-@pytest.mark.parametrize(
-    "module", [module for module in modules() if not module.startswith(("cli.", "plugins."))]
-)
-def test_only_the_command_line_imports_argparse(module: str) -> None:
-    assert ":argparse" not in {arrow.target for arrow in arrows(module)}
+def test_only_the_command_line_imports_argparse() -> None:
+    importing = {module for module, arrow in all_arrows() if arrow.target == ":argparse"}
+    assert not [module for module in importing if not module.startswith(("cli.", "plugins."))]
 
 
-@pytest.mark.parametrize("module", modules())
-def test_every_module_has_a_docstring(module: str) -> None:
-    assert (ast.get_docstring(modules()[module]) or "").strip()
+def test_every_module_has_a_docstring() -> None:
+    assert not [module for module, tree in modules().items() if not (ast.get_docstring(tree) or "").strip()]
 
 
 @pytest.mark.parametrize(

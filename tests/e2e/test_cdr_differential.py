@@ -136,17 +136,17 @@ def test_forge_and_rosbags_agree_on_bytes_and_values(name: str) -> None:
     check()
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_truncated_messages_are_rejected(name: str) -> None:
+def test_truncated_messages_are_rejected() -> None:
     forge_cdr: Any = import_module("forge_cdr")
-    class_ = class_of(known()[name].name)
-    data = forge_cdr.serialize(_example(class_))
-    for size in range(min(len(data), 600)):
-        with pytest.raises(forge_cdr.CdrError) as caught:
-            forge_cdr.deserialize(data[:size], class_)
-        assert caught.value.offset <= size + 8
-        with pytest.raises(forge_cdr._REFUSALS):
-            fast("reader", class_)(data[:size], sys.maxsize)
+    for name in NAMES:
+        class_ = class_of(known()[name].name)
+        data = forge_cdr.serialize(_example(class_))
+        for size in range(min(len(data), 600)):
+            with pytest.raises(forge_cdr.CdrError) as caught:
+                forge_cdr.deserialize(data[:size], class_)
+            assert caught.value.offset <= size + 8, name
+            with pytest.raises(forge_cdr._REFUSALS):
+                fast("reader", class_)(data[:size], sys.maxsize)
 
 
 def test_corrupt_bytes_are_read_or_rejected_in_bounded_memory() -> None:

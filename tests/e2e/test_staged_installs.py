@@ -61,6 +61,7 @@ def test_an_installed_program_can_be_started_throughout_its_rebuild(
     def run_often() -> None:
         while not ended.is_set():
             said.append(hello(root))
+            time.sleep(0.002)
 
     starter = threading.Thread(target=run_often)
     starter.start()
@@ -441,11 +442,13 @@ def test_changed_files_and_rules_install_as_in_a_clean_build(
     rules = Rules(random.Random(seed), root / "src/a")
     rules.write()
     build(forge, root, *options)
-    for _ in range(8):
+    for turn in range(8):
         for _ in range(rules.chance.choice((1, 1, 2))):
             rules.change()
         rules.write()
         build(forge, root, *options)
+        if turn % 2 == 0:
+            continue
         clean = root.parent / "clean"
         shutil.rmtree(clean, ignore_errors=True)
         shutil.copytree(root / "src", clean / "src", symlinks=True)
@@ -535,6 +538,7 @@ def test_a_python_package_stays_usable_during_its_rebuild(forge: Forge, tree: Tr
     def look_often() -> None:
         while not ended.is_set():
             said.append((program.is_file(), len([*prefix.rglob("__init__.py")])))
+            time.sleep(0.002)
 
     watcher = threading.Thread(target=look_often)
     watcher.start()
@@ -574,6 +578,17 @@ def test_the_installed_manifest_follows_its_source(
     tree({"src/p/package.xml": manifest.replace("</package>", "<!-- new --></package>")})
     build(forge, root, *options)
     assert "new" in (root / "install/p/share/p/package.xml").read_text()
+    hold_against_clean(forge, root, *options)
+
+
+@pytest.mark.parametrize("options", [(), (MERGED, "--no-observer")], ids=["isolated", "merged-unobserved"])
+def test_an_edited_entry_of_the_ament_index_is_restored(
+    forge: Forge, tree: Tree, options: tuple[str, ...]
+) -> None:
+    """One that the package does not install itself."""
+    root = tree(python())
+    build(forge, root, *options)
+    (prefix_of(root, "p", options) / "share/ament_index/resource_index/packages/p").write_text("edited")
     hold_against_clean(forge, root, *options)
 
 

@@ -34,17 +34,33 @@ PLAIN = {
 }
 
 
+ALL_IN_ONE = """import sys
+from forge.cli.main import main
+for command in sys.argv[1:]:
+    if code := main(command.split()):
+        sys.exit(f"{command}: {code}")
+"""
+"""Runs several commands in one process, which takes half of the time."""
+
+
 def run_forge(
     folder: Path, *words: str, path: Path = ROOT, variables: Mapping[str, str] | None = None
 ) -> subprocess.CompletedProcess[str]:
     """Run forge with the modules in the folder `path` first."""
+    return run_python(folder, "-m", "forge", *words, path=path, variables=variables)
+
+
+def run_python(
+    folder: Path, *words: str, path: Path, variables: Mapping[str, str] | None
+) -> subprocess.CompletedProcess[str]:
+    """Run Python with the modules in the folder `path` first."""
     environment = {
         "PYTHONPATH": str(path),
         "PATH": f"{Path(sys.executable).parent}:/usr/bin:/bin",
         "HOME": str(folder),
         **(variables or {}),
     }
-    argv = [sys.executable, "-m", "forge", *words]
+    argv = [sys.executable, *words]
     return subprocess.run(argv, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 
@@ -69,10 +85,11 @@ def test_forge_builds_without_the_plugin(
 ) -> None:
     copy = forge_without(plugin, tmp_path / "copy")
     root = tree(WORKSPACE) / "ws"
-    completion = () if plugin == "completion" else ("completion bash",)
-    for words in (*completion, "extensions", "list", "build", "test"):
-        ran = run_forge(root, *words.split(), path=copy, variables=underlay)
-        assert ran.returncode == 0, ran.stdout + ran.stderr
+    commands = ["extensions", "list", "build", "test"]
+    if plugin != "completion":
+        commands.append("completion bash")
+    ran = run_python(root, "-c", ALL_IN_ONE, *commands, path=copy, variables=underlay)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
     assert (root / "install/shapes/share/shapes/msg/Point.msg").is_file()
 
 
