@@ -55,7 +55,8 @@ without-plugins: .venv/.ready
 
 # 'make test' takes the CMake that PATH has; these take the wheels'.
 newest-cmake: .venv/.ready
-	FORGE_TEST_CMAKE=$(CURDIR)/.venv/bin/cmake $(PYTEST) $(PARALLEL) -m newest_cmake tests/cmake
+	FORGE_TEST_CMAKE=$(CURDIR)/.venv/bin/cmake FORGE_TEST_MESSAGES=8 \
+	  $(PYTEST) $(PARALLEL) -m newest_cmake tests/cmake
 
 oldest-cmake: .venv/.ready .venv-cmake/.ready
 	FORGE_TEST_CMAKE=$(CURDIR)/.venv-cmake/bin/cmake $(PYTEST) $(PARALLEL) tests/cmake

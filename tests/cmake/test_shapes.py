@@ -16,7 +16,7 @@ from tests.cmake.conftest import ROOT
 from tests.conftest import Golden
 
 SHAPES = Path(__file__).parent / "shapes"
-MESSAGES = 260
+MESSAGES = int(os.environ.get("FORGE_TEST_MESSAGES", "260"))
 BUILD_TOOLS = ("ament_cmake", "ament_lint_auto", "rosidl_default_generators")
 PYTHON = f"python{sys.version_info.major}.{sys.version_info.minor}"
 

@@ -1,10 +1,11 @@
 """forge works without each of its plugins, and finds the plugins of other distributions."""
 
+import functools
 import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
@@ -64,9 +65,16 @@ def run_python(
     return subprocess.run(argv, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 
-def forge_without(plugin: str, copy: Path) -> Path:
-    """Copy forge without a plugin; returns the folder for PYTHONPATH."""
-    return copy_without(plugin, copy, "forge", "templates", "_ros_forge.py")
+@pytest.fixture(scope="module")
+def forge_without(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """Return a function that copies forge without a plugin; it returns the folder for PYTHONPATH."""
+
+    @functools.cache
+    def forge_without(plugin: str) -> Path:
+        copy = tmp_path_factory.mktemp(plugin) / "copy"
+        return copy_without(plugin, copy, "forge", "templates", "_ros_forge.py")
+
+    return forge_without
 
 
 @pytest.fixture(scope="module")
@@ -81,9 +89,9 @@ def underlay(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 @pytest.mark.parametrize("plugin", PLUGINS)
 def test_forge_builds_without_the_plugin(
-    plugin: str, underlay: Mapping[str, str], tree: Tree, tmp_path: Path
+    plugin: str, underlay: Mapping[str, str], tree: Tree, forge_without: Callable[[str], Path]
 ) -> None:
-    copy = forge_without(plugin, tmp_path / "copy")
+    copy = forge_without(plugin)
     root = tree(WORKSPACE) / "ws"
     commands = ["extensions", "list", "build", "test"]
     if plugin != "completion":
@@ -112,10 +120,10 @@ def test_forge_builds_without_the_plugin(
     ],
 )
 def test_using_a_missing_plugin_names_the_install_command(
-    words: str, what: str, plugin: str, extra: str, tmp_path: Path, tree: Tree
+    words: str, what: str, plugin: str, extra: str, tree: Tree, forge_without: Callable[[str], Path]
 ) -> None:
     root = tree({"ws/src/a/package.xml": manifest_text("a")}) / "ws"
-    ran = run_forge(root, *words.split(), path=forge_without(plugin, tmp_path / "copy"))
+    ran = run_forge(root, *words.split(), path=forge_without(plugin))
     assert ran.returncode == 2
     message = f"error: the {what} needs the plugin '{plugin}', which is not installed"
     assert ran.stderr.startswith(f"{message}\nhint: reinstall forge{extra}; see file:///")
@@ -123,8 +131,10 @@ def test_using_a_missing_plugin_names_the_install_command(
     assert [path.name for path in root.iterdir()] == ["src"]
 
 
-def test_a_target_of_a_missing_plugin_names_the_install_command(tree: Tree, tmp_path: Path) -> None:
-    copy = forge_without("cross", tmp_path / "copy")
+def test_a_target_of_a_missing_plugin_names_the_install_command(
+    tree: Tree, forge_without: Callable[[str], Path]
+) -> None:
+    copy = forge_without("cross")
     ran = run_forge(tree(WORKSPACE) / "ws", "build", "--target", "arm64", path=copy)
     assert ran.returncode == 2
     message = "error: the toolchain 'cross' needs the plugin 'cross', which is not installed"
@@ -192,8 +202,10 @@ def test_a_third_party_toolchain_builds_for_its_platform(tree: Tree) -> None:
     assert "cannot run the tests of programs for 'board'" in forge("test", "--target", "board").stderr
 
 
-def test_packages_of_a_missing_build_type_plugin_are_skipped_with_a_hint(tree: Tree, tmp_path: Path) -> None:
-    copy = forge_without("cargo", tmp_path / "copy")
+def test_packages_of_a_missing_build_type_plugin_are_skipped_with_a_hint(
+    tree: Tree, forge_without: Callable[[str], Path]
+) -> None:
+    copy = forge_without("cargo")
     manifest = '[package]\nname = "b"\n'
     files = {"a/package.xml": manifest_text("a", build_type="ament_cargo"), "b/Cargo.toml": manifest}
     root = tree({f"ws/src/{name}": text for name, text in files.items()}) / "ws"
@@ -211,9 +223,9 @@ def test_packages_of_a_missing_build_type_plugin_are_skipped_with_a_hint(tree: T
 
 @pytest.mark.parametrize("url", ["http://127.0.0.1:1", "s3://bucket/folder"])
 def test_a_remote_cache_without_its_plugin_is_rejected_before_the_build(
-    url: str, tree: Tree, tmp_path: Path
+    url: str, tree: Tree, forge_without: Callable[[str], Path]
 ) -> None:
-    copy = forge_without("remote_cache", tmp_path / "copy")
+    copy = forge_without("remote_cache")
     root = tree(WORKSPACE) / "ws"
     ran = run_forge(root, "build", "--remote-cache", url, path=copy)
     assert (ran.returncode, ran.stdout) == (2, "")
@@ -238,8 +250,10 @@ def test_a_third_party_remote_cache_stores_and_restores(tree: Tree) -> None:
     assert "  shelf   shelf 1\n" in run_forge(root, "extensions", path=root / "site").stdout
 
 
-def test_a_verb_of_a_missing_plugin_names_the_install_command(tmp_path: Path) -> None:
-    copy = forge_without("interface_pages", tmp_path / "copy")
+def test_a_verb_of_a_missing_plugin_names_the_install_command(
+    tmp_path: Path, forge_without: Callable[[str], Path]
+) -> None:
+    copy = forge_without("interface_pages")
     (tmp_path / "msg").mkdir()
     (tmp_path / "msg/X.msg").write_text("int8 a\n", encoding="utf-8")
     generate = ("interface", "generate", "--package", "p", "--output", "out", "--lang", "docs", ".")
