@@ -133,12 +133,23 @@ class Scripts:
             self._variables[state] = mentioned(_script(path), program)
         return self._variables[state]
 
+    def named_in(self, paths: Iterable[str]) -> frozenset[str]:
+        """Return the variables that scripts of any programs name; large files are no scripts."""
+        small = (path for path in paths if os.path.isfile(path) and os.path.getsize(path) <= _MAX_SCRIPT)
+        return frozenset[str]().union(
+            *(self.variables(path, "cmake" if path.endswith(OF_CMAKE) else "") for path in small)
+        )
+
     def is_native(self, path: str, is_for_this_processor: Callable[[str], bool]) -> bool:
         """Return whether a script has options for the host processor."""
         state = (is_for_this_processor, *_state(path))
         if state not in self._native:
             self._native[state] = is_for_this_processor(_script(path))
         return self._native[state]
+
+
+_MAX_SCRIPT = 1 << 20
+OF_CMAKE = ("/CMakeLists.txt", ".cmake")
 
 
 def _state(path: str) -> tuple[object, ...]:

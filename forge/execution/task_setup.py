@@ -31,9 +31,11 @@ from forge.build.inputs.fingerprints import (
     fingerprint_again,
     fingerprint_files,
     fingerprint_tree,
+    source_files,
 )
 from forge.build.inputs.native_graph import (
     NativeGraph,
+    cmake_root,
     read_native_graph,
     reported_inputs,
     written_by_backend,
@@ -49,7 +51,7 @@ from forge.build.up_to_date import TARGET, UMASK, UNKNOWN
 from forge.engine.accesses import NOT_OBSERVED, ObservedCommands
 from forge.engine.commands import is_for_this_processor
 from forge.engine.variables import FOR_COMPILERS
-from forge.engine.world import PROCESSOR, VARIABLE
+from forge.engine.world import OF_CMAKE, PROCESSOR, VARIABLE, about_variables
 from forge.environment.hooks import config_folders, config_variables
 from forge.environment.sourcing import build_environment
 from forge.execution.runner import TaskLifecycle, changed_variables
@@ -301,6 +303,8 @@ class TaskSetup(TaskLifecycle):
         graph = read_native_graph(build)
         reported = reported_inputs(build, graph, declared)
         asked = [question for question, _ in observed.answers]
+        if not observed.all:
+            asked += self._about_named_variables(task, graph)
         tools = build_type_of(task.package).tool_folders
         folders = tuple(f"{folder}/" for folder in tools(self.state.world.variables)) if tools else ()
         # Options and variables may name the processor; unobserved processes may query it.
@@ -382,6 +386,14 @@ class TaskSetup(TaskLifecycle):
             externals=externals,
             external=external,
         )
+
+    def _about_named_variables(self, task: Task, graph: NativeGraph) -> Iterator[str]:
+        """Yield the questions about the variables that files name: an unobserved build may request all."""
+        cmakes = cmake_root(task.build_dir)
+        of_cmake = (path for path in {*graph.known(), *graph.read_by_cmake} if path.endswith(OF_CMAKE))
+        read = [path for path in of_cmake if not (cmakes and path.startswith(cmakes))]
+        named = self.state.world.scripts.named_in((*source_files(str(self.state.source(task))), *read))
+        return about_variables((), named)
 
     def _undeclared(self, task: Task, read: Iterable[str], declared: Iterable[Path]) -> Iterator[str]:
         """Yield files that a build read from packages of this workspace that it does not depend on."""

@@ -477,6 +477,30 @@ def test_an_expanded_home_folder_is_an_input(forge: Forge, tree: Tree) -> None:
     assert builds.same_as_clean({"HOME": f"{root}/2"})
 
 
+def test_variables_named_in_sources_are_inputs_of_unobserved_builds(forge: Forge, tree: Tree) -> None:
+    """They cannot tell which of them the build requests."""
+    run = "execute_process(COMMAND sh ${CMAKE_SOURCE_DIR}/v.sh OUTPUT_VARIABLE v)\nadd_definitions(${v})\n"
+    shared = "find_package(shared REQUIRED)\n"
+    config = "install(FILES sharedConfig.cmake DESTINATION share/shared/cmake)\n"
+    setup = "import os\nfrom setuptools import setup\nsetup(name='p', description=os.getenv('MINE', '-'))\n"
+    files = {
+        **cmake("lists", "add_definitions(-DV=1$ENV{MINE})\n"),
+        **cmake("script", run),
+        "src/script/v.sh": "printf %s -DV=1$MINE\n",
+        **cmake("shared", config, build=False),
+        "src/shared/sharedConfig.cmake": "add_definitions(-DV=1$ENV{MINE})\n",
+        **cmake("using", shared, "<depend>shared</depend>"),
+        **cmake("other", "add_definitions(-DV=1)\n"),
+        "src/p/package.xml": manifest_text("p", build_type="ament_python"),
+        "src/p/setup.py": setup,
+    }
+    builds = Builds(forge, tree(files), "--no-observer")
+    builds.build({"MINE": "1"})
+    assert builds.build({"MINE": "1"}) == []
+    assert builds.build({"MINE": "2"}) == ["lists", "p", "script", "shared", "using"]
+    assert builds.same_as_clean({"MINE": "2"})
+
+
 def test_observed_builds_ignore_results_with_unknown_inputs(forge: Forge, tree: Tree) -> None:
     root = tree(cmake("a", "add_definitions(-DV=1$ENV{MINE})\n"))
     for value, options in (("1", ("--no-observer",)), ("2", ())):
