@@ -126,9 +126,10 @@ class Toolchain:
 
     def _configure(self, variables: Mapping[str, str]) -> None:
         """Configure the reference project, unless an earlier build did."""
-        is_intact = self._results() is not None and has_text(self._home / _DIGEST, self._digest())
-        if is_intact and self._is_current():
-            return
+        if self._results() is not None and has_text(self._home / _DIGEST, self._digest()):
+            recorded = read_json(self._home / _READ)
+            if recorded and self._observed and contents_of(recorded, self._observed.table) == recorded:
+                return
         remove_tree(str(self._home))
         replace_file(self._home / "CMakeLists.txt", self._project.encode())
         library, world = (self._observed.library, self._observed.world) if self._observed else (None, None)
@@ -145,15 +146,6 @@ class Toolchain:
             replace_file(self._home / _READ, json.dumps(read).encode())
         replace_file(self._home / _UNUSED, "\n".join(sorted(unused_variables(result.stderr))).encode())
         replace_file(self._home / _DIGEST, self._digest().encode())
-
-    def _is_current(self) -> bool:
-        """Return True if all observed inputs of the reference project are unchanged."""
-        recorded = read_json(self._home / _READ)
-        return (
-            bool(recorded)
-            and self._observed is not None
-            and contents_of(recorded, self._observed.table) == recorded
-        )
 
     def _digest(self) -> str:
         """Return a digest of the results, to detect damaged ones."""

@@ -86,11 +86,8 @@ def _load(root: Path, layout: Layout, options: Options) -> tuple[CheckResult, Ch
         loaded = load_workspace(root, options.query, variables, embedded=True, install=layout.install)
     except ForgeError as error:
         return CheckResult("workspace", "cannot be loaded", errors=error.problems), bare
-    missing = missing_dependencies(
-        loaded.resolution,
-        loaded.selection.names,
-    )
     names = loaded.selection.names
+    missing = missing_dependencies(loaded.resolution, names)
     own = sum(not loaded.resolution.packages[name].embedded for name in names)
     others = f", and {len(names) - own} embedded in forge" if own < len(names) else ""
     summary = f"{counted(own, 'package')}{others}" if own else "no packages found"

@@ -9,22 +9,19 @@ from typing import TYPE_CHECKING
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from forge.plugins.charts.reporter import trace, write_timings
+from forge.plugins.charts.reporter import trace
 from forge.plugins.charts.timings import (
     PackageRun,
     at_work,
     critical_path,
-    facts,
     page,
     read_build,
     rows,
-    waited,
 )
 from tests.strategies import graphs
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-    from pathlib import Path
 
 
 def event(word: str, time: float, package: str | None = None, **said: object) -> str:
@@ -75,11 +72,6 @@ def test_running_packages_are_listed_in_the_order_of_their_start() -> None:
     assert (build.ended, build.seconds, build.code) == (10.0, 10.5, 0)
 
 
-def test_the_critical_path_is_the_longest_dependency_chain() -> None:
-    assert [run.name for run in critical_path(read_build(DIAMOND).packages)] == ["a", "c", "d"]
-    assert critical_path(()) == ()
-
-
 def test_the_critical_path_continues_through_packages_that_were_up_to_date() -> None:
     lines = [planned("a"), planned("b", "a"), planned("c", "b")]
     lines += [*built("a", 0.0, 3.0), event("Fresh", 3.0, "b"), *built("c", 3.0, 4.0), SUMMARY]
@@ -101,11 +93,6 @@ def test_unfinished_steps_end_with_the_build() -> None:
     assert (step.ended, step.code) == (2.5, None)
     assert build.skipped == ("c",)
     assert page(build)["remarks"][0] == "1 failed, 1 aborted, 1 not started."
-
-
-def test_waiting_time_starts_when_all_dependencies_have_ended() -> None:
-    runs = {run.name: run for run in read_build(DIAMOND).packages}
-    assert {name: waited(run, runs) for name, run in runs.items()} == {"a": 0.0, "b": 0.5, "c": 0.0, "d": 1.0}
 
 
 @st.composite
@@ -172,15 +159,6 @@ def test_the_page_summarizes_the_build() -> None:
     ]
 
 
-def test_the_page_explains_the_critical_path(tmp_path: Path) -> None:
-    """It is no lower bound: packages that shared processors are faster with more of them."""
-    (tmp_path / "events.jsonl").write_text("\n".join(DIAMOND))
-    write_timings(tmp_path)
-    text = (tmp_path / "timings.html").read_text()
-    assert "Their times include what they lost to packages that were built at the same time." in text
-    assert "cannot make the build faster" not in text
-
-
 def test_restored_packages_are_not_counted_as_built() -> None:
     taken = event("Finished", 2.1, "e", code=0, seconds=0.1, cache="from the cache")
     lines = [planned("e", last=9.0), event("Started", 2.0, "e", reason="new"), taken]
@@ -232,10 +210,3 @@ def test_traces_nest_steps_in_packages_with_microsecond_times() -> None:
         (5_000_000, {"processors busy": 1.0}),
         (10_000_000, {"processors busy": 2.0}),
     ]
-
-
-def test_invisible_characters_are_shown_on_the_page() -> None:
-    lines = [planned("a\u202e\x07b"), *built("a\u202e\x07b", 0.0, 1.0), SUMMARY]
-    build = read_build(lines)
-    assert page(build)["bars"][0]["name"] == "a\N{REPLACEMENT CHARACTER}\N{REPLACEMENT CHARACTER}b"
-    assert "\\u202e" not in json.dumps(facts(build))

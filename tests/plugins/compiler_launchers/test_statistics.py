@@ -106,19 +106,6 @@ def test_ccache_settings_of_the_user_are_kept(tmp_path: Path) -> None:
     assert told == {"CCACHE_STATSLOG": str(tmp_path / COMPILATIONS_FILE)}
 
 
-@pytest.mark.needs("ccache", "distcc")
-def test_distcc_behind_ccache_is_counted(tmp_path: Path) -> None:
-    variables = {
-        "PATH": "/usr/bin:/bin",
-        "CCACHE_DIR": str(tmp_path),
-        "CCACHE_PREFIX": "distcc",
-        "DISTCC_HOSTS": "red/8 blue/2",
-    }
-    launcher_stats = open_launcher_stats(Path("/usr/bin/ccache"), tmp_path, tmp_path, variables)
-    assert launcher_stats.slots == 10
-    assert launcher_stats.finish() == (LauncherSummary("distcc", hosts=2, slots=10),)
-
-
 @pytest.mark.needs("g++", "cmake", "ninja")
 def test_icecc_runs_the_compiler_and_is_not_queried(forge: Forge, tree: Tree) -> None:
     """The launcher is a shell script that starts the compiler."""

@@ -14,25 +14,19 @@ import pytest
 from distributed import LocalCluster
 
 from forge.build.events import Aborted, Event, Finished, Output, StepFinished, StepStarted
-from forge.build.tasks import Step, StepKind, Task
 from forge.execution.options import JobOptions
 from forge.plugins.dask import worker
 from forge.plugins.dask.messages import FINISH, RemoteTask
 from forge.plugins.dask.step_runner import COMMANDS_THREAD, read_message, run_task, with_length
 from forge.plugins.dask.worker import WorkerJobs
-from tests.packages import manifest_text, package
+from tests.packages import manifest_text
+from tests.plugins.dask.test_messages import task
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
     from tests.conftest import Forge, Tree
-
-
-def task(folder: Path, *programs: str) -> Task:
-    """Return a task whose steps are Python programs."""
-    steps = tuple(Step(StepKind.INSTALL, (sys.executable, "-c", code), folder) for code in programs)
-    return Task("a", package("a"), folder, folder / "a", (), steps, "")
 
 
 def test_slots_share_the_remaining_jobs() -> None:

@@ -63,6 +63,9 @@ def test_a_second_workspace_reuses_the_underlay(ros: Ros, forge: Forge, tmp_path
         ran = forge("build", cwd=workspace, env=env)
         assert ran.code == 0
         assert ("building 4 packages of ROS" in ran.err) == (name == "one")
+    assert ran.err == ""
+    logs = (tmp_path / "ros/user cache/forge/ros/underlays").glob("*/log/build_*")
+    assert len([*logs]) == 1, "a second build would have a second log"
 
 
 def test_new_clones_rebuild_nothing_and_are_used_by_later_builds(

@@ -213,18 +213,6 @@ def test_programs_of_fetched_packages_run_from_an_empty_workspace(
     assert (ran.code, ran.out) == (0, "it swims\n"), ran.err
 
 
-def test_a_second_workspace_does_not_rebuild_the_underlay(ros: Ros, forge: Forge, tmp_path: Path) -> None:
-    env = ros.variables()
-    for name in ("first", "second"):
-        workspace = new_workspace(tmp_path / name)
-        assert forge("fetch", cwd=workspace, env=env).code == 0
-        ran = forge("build", cwd=workspace, env=env)
-        assert ran.code == 0
-        assert "1 package finished" in ran.out
-    assert ran.err == ""
-    assert len([*underlay(tmp_path).glob("log/build_*")]) == 1, "a second build would have a second log"
-
-
 def test_an_interrupted_underlay_is_checked_instead_of_rebuilt(
     ros: Ros, forge: Forge, tmp_path: Path
 ) -> None:
