@@ -9,18 +9,15 @@ deterministic.
 from __future__ import annotations
 
 from bisect import bisect_right, insort
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
-
-    Vertex = tuple[str, int]
-    """A node by its name and its layer, or its dummy vertex in a layer farther right."""
-    Columns = Sequence[Sequence[Vertex]]
-    Ties = Mapping[Vertex, Sequence[Vertex]]
+Vertex = tuple[str, int]
+"""A node by its name and its layer, or its dummy vertex in a layer farther right."""
+Columns = Sequence[Sequence[Vertex]]
+Ties = Mapping[Vertex, Sequence[Vertex]]
 
 _SWEEPS = 16
 _POSITION_PASSES = 10

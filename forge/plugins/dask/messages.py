@@ -5,18 +5,15 @@ from __future__ import annotations
 import pickle
 import queue
 import threading
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 from forge.base.errors import HostError, Problem
 from forge.base.frozen import frozen
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
-
-    from forge.build.events import Event
-    from forge.build.tasks import Task
-    from forge.execution.options import JobOptions
+from forge.build.events import Event
+from forge.build.tasks import Task
+from forge.execution.options import JobOptions
 
 FINISH, INTERRUPT, KILL = "finish", "interrupt", "kill"
 """Commands to the step runner on a worker: stop after this step, terminate, kill."""

@@ -8,12 +8,10 @@ decoding takes linear time and returns a value or raises ValueError.
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Iterator
+from typing import Any, Final
 
 from forge.cache.model import ActionResult, Digest, OutputFile
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 MAX_SIZE: Final = 16 << 20
 """The maximum size of a message in bytes; 100,000 files take less."""

@@ -1,13 +1,7 @@
 """Packages that have only a Cargo.toml."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
+from tests.conftest import Tree
 from tests.unit.workspace.test_plain_packages import walked
-
-if TYPE_CHECKING:
-    from tests.conftest import Tree
 
 
 def test_a_cargo_manifest_describes_a_package(tree: Tree) -> None:

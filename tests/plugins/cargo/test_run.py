@@ -1,9 +1,7 @@
 """What the program that runs cargo reads and writes; tests/e2e/test_rust.py runs it."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -11,11 +9,7 @@ from forge.base.xml import parse_xml
 from forge.build.recipes import install_tree
 from forge.plugins.cargo import run
 from forge.testing.outcomes import Counts, read_junit
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Tree
+from tests.conftest import Tree
 
 TESTED = """
 running 3 tests

@@ -1,10 +1,7 @@
 """Which Rust toolchain a build uses."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -12,10 +9,8 @@ from forge.base.errors import HostError
 from forge.base.layout import Layout
 from forge.build.tests.recipes import TestContext
 from forge.plugins.cargo.build_type import toolchain
+from tests.conftest import Tree
 from tests.packages import package
-
-if TYPE_CHECKING:
-    from tests.conftest import Tree
 
 PACKAGES = [package("a", build_type="ament_cargo"), package("b", build_type="cargo")]
 

@@ -1,17 +1,12 @@
 """Times of headers: commands for clang, its traces, and what they add up to."""
 
-from __future__ import annotations
-
 import json
 import os
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from forge.plugins.charts.headers import Header, find_clang, for_clang, measure_headers, summarize
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 @pytest.mark.parametrize(

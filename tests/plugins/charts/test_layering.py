@@ -1,23 +1,16 @@
 """Layered drawings: packages right of their dependencies, no overlaps, few crossings."""
 
-from __future__ import annotations
-
 import random
+from collections.abc import Mapping, Sequence
 from itertools import combinations, pairwise
-from typing import TYPE_CHECKING
 
 from hypothesis import given
 from hypothesis import strategies as st
 
 from forge.base.graph import order, reduced
 from forge.plugins.charts.drawing import critical_path
-from forge.plugins.charts.layering import lay_out
+from forge.plugins.charts.layering import GraphLayout, lay_out
 from tests.strategies import graphs
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from forge.plugins.charts.layering import GraphLayout
 
 
 def laid_out(graph: Mapping[str, frozenset[str]]) -> tuple[GraphLayout, dict[str, tuple[float, float]]]:

@@ -1,7 +1,5 @@
 """The page of a running build, asked over HTTP as a browser does."""
 
-from __future__ import annotations
-
 import http.client
 import json
 import os
@@ -9,8 +7,9 @@ import shutil
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
@@ -21,12 +20,8 @@ from forge.build.tasks import BuildPlan, Step, StepKind, Task
 from forge.execution.memory import PackageMemory
 from forge.output.reporters import Run
 from forge.plugins.charts.live import LiveBuild, LiveServer
+from tests.browser import Browser
 from tests.packages import manifest_text, package
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from tests.browser import Browser
 
 NEEDS = {"base": (), "map": ("base",), "planner": ("base", "map"), "lone": ()}
 STEP = Step(StepKind.BUILD, (), Path())

@@ -1,15 +1,10 @@
 """Processor and memory usage, sampled a few times per second."""
 
-from __future__ import annotations
-
 import time
-from typing import TYPE_CHECKING
 
 from forge.plugins.charts.reporter import Sampler, processor_times
 from forge.toolchain.resources import memory
-
-if TYPE_CHECKING:
-    from tests.conftest import Tree
+from tests.conftest import Tree
 
 
 def test_processor_time_is_split_into_busy_and_idle(tree: Tree) -> None:

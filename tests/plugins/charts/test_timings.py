@@ -1,10 +1,8 @@
 """From events to the timings of a build, the critical path and a trace."""
 
-from __future__ import annotations
-
 import json
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -19,9 +17,6 @@ from forge.plugins.charts.timings import (
     rows,
 )
 from tests.strategies import graphs
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
 
 
 def event(word: str, time: float, package: str | None = None, **said: object) -> str:

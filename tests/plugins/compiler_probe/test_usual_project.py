@@ -1,15 +1,9 @@
 """Detected compilers are used only by packages that cannot choose others."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import pytest
 
 from forge.plugins.compiler_probe.probe import usual_project
-
-if TYPE_CHECKING:
-    from tests.conftest import Tree
+from tests.conftest import Tree
 
 
 @pytest.mark.parametrize(

@@ -1,16 +1,11 @@
 """`--target`: rejected combinations, similar names, and Python packages."""
 
-from __future__ import annotations
-
 import sys
-from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.conftest import Forge, Tree
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from tests.conftest import Forge, Tree
 
 SETUP = """\
 from setuptools import Distribution, setup

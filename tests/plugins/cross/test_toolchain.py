@@ -1,14 +1,11 @@
 """The toolchain file of a target, and what it is made of."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -18,13 +15,10 @@ from forge.plugins.cross import toolchain
 from forge.plugins.cross.targets import Target
 from forge.plugins.cross.toolchain import has_emulator
 from forge.plugins.cross.zig import Zig
-from forge.toolchain.targets import CrossOptions
+from forge.toolchain.targets import CrossBuild, CrossOptions
+from forge.workspace.model import Package
+from tests.conftest import Tree
 from tests.packages import package
-
-if TYPE_CHECKING:
-    from forge.toolchain.targets import CrossBuild
-    from forge.workspace.model import Package
-    from tests.conftest import Tree
 
 QEMU = {"bin/qemu-aarch64": "#!/bin/sh\n"}
 ZIG = {"bin/zig": "#!/bin/sh\n"}

@@ -1,28 +1,21 @@
 """Dask: messages and remote tasks, each by itself."""
 
-from __future__ import annotations
-
 import pickle
 import sys
+from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import pytest
+from distributed import Future
 
 from forge.base.errors import HostError
 from forge.build.events import Aborted, Event, Finished, Output
 from forge.build.tasks import Step, StepKind, Task
 from forge.execution.options import JobOptions
-from forge.plugins.dask.connection import Call
+from forge.plugins.dask.connection import Call, Connection
 from forge.plugins.dask.messages import Mailbox, RemoteTask, Router, TaskRequest
 from tests.packages import package
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from distributed import Future
-
-    from forge.plugins.dask.connection import Connection
 
 
 def task(folder: Path, *programs: str) -> Task:

@@ -1,14 +1,13 @@
 """Dask: shared jobs, step runners, and a cluster in this process."""
 
-from __future__ import annotations
-
 import logging
 import os
 import pickle
 import sys
 import threading
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from distributed import LocalCluster
@@ -19,14 +18,9 @@ from forge.plugins.dask import worker
 from forge.plugins.dask.messages import FINISH, RemoteTask
 from forge.plugins.dask.step_runner import COMMANDS_THREAD, read_message, run_task, with_length
 from forge.plugins.dask.worker import WorkerJobs
+from tests.conftest import Forge, Tree
 from tests.packages import manifest_text
 from tests.plugins.dask.test_messages import task
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from tests.conftest import Forge, Tree
 
 
 def test_slots_share_the_remaining_jobs() -> None:

@@ -1,20 +1,14 @@
 """A small workspace with every kind of file, and a way to point into it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
+from forge.plugins.lsp.index import Index
+from tests.conftest import Tree
 from tests.packages import manifest_text
 from tests.plugins.lsp.editors import index_of
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from forge.plugins.lsp.index import Index
-    from tests.conftest import Tree
 
 _BOX = """#include "shapes/msg/Point.idl"
 module shapes {

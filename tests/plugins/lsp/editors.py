@@ -1,20 +1,16 @@
 """An editor for tests: a client of the language server, over the streams of a process or of a thread."""
 
-from __future__ import annotations
-
 import json
 import os
 import threading
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import IO, TYPE_CHECKING, Any
+from pathlib import Path
+from typing import IO, Any
 
 from forge.interfaces.read.sources import Library
 from forge.plugins.lsp.index import Index
 from forge.plugins.lsp.server import InterfaceServer
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 
 class Editor:

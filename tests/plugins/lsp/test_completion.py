@@ -1,16 +1,10 @@
 """What an editor proposes for the word before the cursor."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import pytest
 
 from forge.base.distributions import EMBEDDED
 from forge.plugins.lsp.completion import MOST, complete
-
-if TYPE_CHECKING:
-    from tests.plugins.lsp.conftest import Pointer
+from tests.plugins.lsp.conftest import Pointer
 
 
 def proposed(workspace: Pointer, file: str, text: str) -> list[str]:

@@ -1,24 +1,19 @@
 """The problems of single files, as an editor shows them."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.base.errors import ForgeError
 from forge.build.build_types import build_type_of
 from forge.plugins.lsp.diagnostics import diagnose
+from forge.plugins.lsp.index import Index
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import Package
+from tests.conftest import Tree
 from tests.packages import manifest_text
 from tests.plugins.lsp.editors import index_of
-
-if TYPE_CHECKING:
-    from forge.plugins.lsp.index import Index
-    from tests.conftest import Tree
 
 
 @pytest.fixture

@@ -1,15 +1,9 @@
 """What an editor shows about the name under the cursor."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import pytest
 
 from forge.plugins.lsp.hover import hover
-
-if TYPE_CHECKING:
-    from tests.plugins.lsp.conftest import Pointer
+from tests.plugins.lsp.conftest import Pointer
 
 _POINT = """**shapes/msg/Point** (message)
 

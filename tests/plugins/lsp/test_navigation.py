@@ -1,19 +1,13 @@
 """Definitions and references of types, fields and packages."""
 
-from __future__ import annotations
-
 import os
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.base.distributions import EMBEDDED
 from forge.plugins.lsp.navigation import definition, references
-
-if TYPE_CHECKING:
-    from forge.plugins.lsp.text import Place
-    from tests.plugins.lsp.conftest import Pointer
-
+from forge.plugins.lsp.text import Place
+from tests.plugins.lsp.conftest import Pointer
 
 _IN_BOX = ("shapes/msg/Box.idl:0:21-26", "shapes/msg/Box.idl:7:6-24")
 

@@ -1,17 +1,11 @@
 """Renaming types, fields and constants."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import pytest
 
 from forge.base.errors import InterfaceError
 from forge.plugins.lsp.diagnostics import diagnose
 from forge.plugins.lsp.rename import Renaming, renamable, rename
-
-if TYPE_CHECKING:
-    from tests.plugins.lsp.conftest import Pointer
+from tests.plugins.lsp.conftest import Pointer
 
 
 def apply(workspace: Pointer, renaming: Renaming) -> None:

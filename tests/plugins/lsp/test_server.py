@@ -1,18 +1,12 @@
 """A session of the language server in this process."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from tests.packages import manifest_text
 from tests.plugins.lsp.editors import Editor, editor
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
 
 _FILES = {
     "src/nav/package.xml": manifest_text("nav", "<depend>shapes</depend>"),

@@ -1,25 +1,19 @@
 """`forge lsp`: a session over standard input and output with the client of pygls, and what it lacks."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import subprocess
 import sys
 from functools import partial
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from lsprotocol import types as lsp
 from pygls.lsp.client import LanguageClient
 
 from forge.base.own_environment import extra_command
+from tests.conftest import Tree
 from tests.packages import manifest_text
 from tests.snippets import ROOT
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Tree
 
 _ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "AMENT_PREFIX_PATH"}
 

@@ -1,20 +1,15 @@
 """Repositories of mixins: an index of files on this machine or on a server."""
 
-from __future__ import annotations
-
 import threading
+from collections.abc import Iterator
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 import yaml
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from tests.conftest import Forge, Ran, Tree
+from tests.conftest import Forge, Ran, Tree
 
 ASAN = '{"build": {"asan": {"cmake-args": ["-DCMAKE_CXX_FLAGS=-fsanitize=address"]}}}\n'
 INDEX = "mixin:\n  - asan.mixin\n  - more/lld.mixin\n"

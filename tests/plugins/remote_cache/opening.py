@@ -1,17 +1,12 @@
 """Remote stores by URL, as builds open them."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import pytest
 
 from forge.cache.model import RemoteOptions
 from forge.cache.opening import open_remote
 from forge.plugins.remote_cache.remote import Remote
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 
 def opened(

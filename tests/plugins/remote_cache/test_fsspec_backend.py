@@ -1,13 +1,11 @@
 """Stores that fsspec opens: faults of libraries, folders, buckets and ssh."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import threading
 import time
 import uuid
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import fsspec
 import pytest
@@ -17,10 +15,6 @@ from forge.cache.model import BlobError, Digest
 from forge.plugins.remote_cache.fsspec_backend import FsspecBackend
 from forge.plugins.remote_cache.store import Store
 from tests.plugins.remote_cache.opening import opened
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
 
 KEY = "ab" * 32
 BYTES = os.urandom(300_000)

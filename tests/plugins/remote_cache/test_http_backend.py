@@ -1,14 +1,13 @@
 """HTTP servers that are slow, broken or hostile: one message in time, no file, and no second request."""
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import os
 import threading
 import time
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -20,13 +19,7 @@ from forge.plugins.remote_cache.action_result import encode
 from forge.plugins.remote_cache.http_backend import HttpBackend
 from forge.plugins.remote_cache.store import Store, WritingRefused
 from tests.plugins.remote_cache.opening import opened
-from tests.rude import Shelf, reply, rude
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
-    from pathlib import Path
-
-    from tests.rude import Moves, Request
+from tests.rude import Moves, Request, Shelf, reply, rude
 
 SECONDS = 0.3
 """The time limit in tests of slow servers."""

@@ -1,7 +1,5 @@
 """A remote store is disabled after its first fault, which is reported once; uploads run during the build."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re
@@ -10,8 +8,9 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -21,13 +20,7 @@ from forge.plugins.remote_cache.action_result import encode
 from forge.plugins.remote_cache.remote import Remote
 from forge.plugins.remote_cache.store import WritingRefused
 from tests.plugins.remote_cache.opening import opened
-from tests.rude import Shelf, reply, rude
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Generator, Iterable
-    from pathlib import Path
-
-    from tests.rude import Moves, Request
+from tests.rude import Moves, Request, Shelf, reply, rude
 
 KEY = "ab" * 32
 BYTES = b"bytes"

@@ -1,14 +1,13 @@
 """Remote stores behave alike: nginx, folders and memory."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import subprocess
 import threading
 import uuid
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 import urllib3
@@ -17,13 +16,7 @@ from forge.cache.model import ActionResult, BlobError, Digest, OutputFile, Store
 from forge.plugins.remote_cache.fsspec_backend import FsspecBackend
 from forge.plugins.remote_cache.http_backend import HttpBackend
 from forge.plugins.remote_cache.store import Store, WritingRefused
-from tests.nginx import documented, serving
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from tests.nginx import Nginx
+from tests.nginx import Nginx, documented, serving
 
 KEY = "ab" * 32
 BYTES = os.urandom(300_000)

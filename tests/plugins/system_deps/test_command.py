@@ -1,27 +1,21 @@
 """`forge deps` prints the system dependencies of a workspace as commands to paste."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json
 import pickle
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from forge.base.own_environment import extra_command
 from forge.plugins.system_deps.system import system_of
 from forge.toolchain.python_modules import os_release
+from tests.conftest import Forge, Ran, Tree
 from tests.installs import Made, make_install
 from tests.packages import manifest_text
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Forge, Ran, Tree
 
 DATABASE = """
 libfoo-dev:
