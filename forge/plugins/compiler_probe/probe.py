@@ -18,6 +18,7 @@ import shutil
 import threading
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from forge.base.files import has_text, read_json, remove_tree, replace_file, text_or_nothing
 from forge.base.frozen import Pairs, frozen
@@ -26,10 +27,12 @@ from forge.base.text import digest
 from forge.build.inputs.fingerprints import FileTable, contents_of
 from forge.engine.commands import Folders
 from forge.engine.observer import run_observed
-from forge.engine.world import World
 from forge.toolchain.cmake_variables import unused_variables
 from forge.toolchain.programs import calls_make
 from forge.workspace.cmake_text import calls
+
+if TYPE_CHECKING:
+    from forge.engine.world import World
 
 _PROJECT = """\
 # forge detects the compilers here, once for all packages.
