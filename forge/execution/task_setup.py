@@ -305,6 +305,8 @@ class TaskSetup(TaskLifecycle):
         asked = [question for question, _ in observed.answers]
         if not observed.all:
             asked += self._about_named_variables(task, graph)
+            within = tuple(f"{path}/" for path in declared)
+            reported |= {path for path in graph.searched_by_linkers() if not path.startswith(within)}
         tools = build_type_of(task.package).tool_folders
         folders = tuple(f"{folder}/" for folder in tools(self.state.world.variables)) if tools else ()
         # Options and variables may name the processor; unobserved processes may query it.

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import subprocess
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -380,6 +381,29 @@ def test_a_build_after_any_change_matches_a_clean_build(
         shutil.rmtree(root / folder)
     assert forge("build", *case.options, cwd=root, env=variables).code == case.code
     assert actual == look(root / "install")
+
+
+@pytest.mark.parametrize("name", ["other/libv.so", "libs/libv.so"])
+def test_libraries_that_linkers_search_are_inputs_of_unobserved_builds(
+    name: str, forge: Forge, tree: Tree
+) -> None:
+    build = (
+        BUILD
+        + "target_link_libraries(x -L${CMAKE_SOURCE_DIR}/../../other -L${CMAKE_SOURCE_DIR}/../../libs -lv)\n"
+    )
+    root = tree({**packages(a=build), "src/a/x.c": CALLS})
+
+    def compile_library(path: str, number: int) -> None:
+        (root / path).parent.mkdir(exist_ok=True)
+        code = f"int foo(void) {{ return {number}; }}\n"
+        arguments = ("-shared", "-Wl,--build-id", f"-Wl,-soname,v{number}", "-x", "c", "-", "-o", root / path)
+        subprocess.run(["cc", *arguments], input=code.encode(), check=True)
+
+    compile_library("libs/libv.so", 1)
+    assert forge("build", "--no-observer", cwd=root).code == 0
+    assert "1 package unchanged" in forge("build", "--no-observer", cwd=root).out
+    compile_library(name, 2)
+    assert "1 package finished" in forge("build", "--no-observer", cwd=root).out
 
 
 def _up_to_date(ran: Ran) -> str:

@@ -106,6 +106,21 @@ class NativeGraph:
         """Return every path that is an input of some edge."""
         return frozenset(path for edge in self.edges for path in self.inputs_of(edge))
 
+    def searched_by_linkers(self) -> Iterator[str]:
+        """Yield where linkers look for libraries that are named with '-l', up to the first that exists."""
+        for arguments in {" ".join(_LINKED.findall(edge.text)) for edge in self.edges}:
+            words = arguments.split()
+            folders = [os.path.realpath(word[2:]) for word in words if word.startswith("-L/")]
+            for name in (word[2:] for word in words if word.startswith("-l")):
+                names = (name[1:],) if name.startswith(":") else (f"lib{name}.so", f"lib{name}.a")
+                for path in (f"{folder}/{each}" for folder in folders for each in names):
+                    yield path
+                    if Path(path).exists():
+                        break
+
+
+_LINKED = re.compile(r"^  LINK_(?:FLAGS|LIBRARIES|PATH) = (.*)$", re.MULTILINE)
+
 
 class EdgeFinder:
     """Finds the edge that a process below ninja runs."""
