@@ -625,11 +625,11 @@ def make_writable(folders: Iterable[str]) -> dict[str, int]:
     """
     modes: dict[str, int] = {}
     for folder in sorted({*folders}):  # parents first
-        if is_folder(folder) and not os.access(folder, os.W_OK | os.X_OK):
+        status = status_of(folder)
+        if status and stat.S_ISDIR(status.st_mode) and not os.access(folder, os.W_OK | os.X_OK):
             with contextlib.suppress(OSError):  # of another user
-                mode = stat.S_IMODE(os.lstat(folder).st_mode)
-                os.chmod(folder, mode | stat.S_IRWXU)
-                modes[folder] = mode
+                os.chmod(folder, stat.S_IMODE(status.st_mode) | stat.S_IRWXU)
+                modes[folder] = stat.S_IMODE(status.st_mode)
     return modes
 
 

@@ -303,30 +303,28 @@ def commit(task: Task, layout: Layout) -> tuple[InstalledFiles, tuple[Problem, .
     before, folders_before = (
         frozenset(f"{task.prefix}/{path}" for path in notes[key]) for key in ("files", "folders")
     )
-    stale = before | folders_before
-    entries = (*stale, *(_target(task, path) for path, _ in files))
-    modes = make_writable(folder for path in entries for folder in folders_above(path, str(task.prefix)))
-    problems: tuple[Problem, ...] = ()
+    now = frozenset(_target(task, path) for path, _ in files)
+    stale = frozenset[str]()
     if read_json(task.build_dir / SCRATCH_DIR / _NEXT)["partial"]:
-        written = {*(_target(task, path) for path, _ in files)}
-        written |= {f"{folder}/" for folder in _folders(task, files, empty)}
-        installed = InstalledFiles(
-            tuple(sorted(before)), tuple(sorted(folders_before)), written=frozenset(written)
-        )
+        written = now.union(f"{folder}/" for folder in _folders(task, files, empty))
+        installed = InstalledFiles(tuple(sorted(before)), tuple(sorted(folders_before)), written=written)
     else:
-        now = frozenset(_target(task, path) for path, _ in files)
         folders = frozenset(f"{_target(task, path)}/" for path in empty)
         if layout.merged:  # the others existed before
             own = {f"{path}/" for path in _own_entries(task, layout)}
             folders = frozenset(path for path in folders if path in own or not os.path.isdir(path))
-        problems = remove_stale(task, layout, stale - now - folders)
+        stale = (before | folders_before) - now - folders
         installed = InstalledFiles(tuple(sorted(now)), tuple(sorted(folders)))
+    changing = (folder for path in stale | now for folder in folders_above(path, str(task.prefix)))
+    modes = make_writable(changing)
+    problems = remove_stale(task, layout, stale) if stale else ()
     _announce(task, layout, (path for path, _ in files))
     for folder in _folders(task, files, empty):
         source = f"{task.stage}{folder[len(str(task.prefix)) :]}"
-        modes[folder] = stat.S_IMODE(os.lstat(source).st_mode)
+        modes[folder] = mode = stat.S_IMODE(os.lstat(source).st_mode)
+        if mode & stat.S_IRWXU != stat.S_IRWXU:
+            os.chmod(source, stat.S_IRWXU)
         os.makedirs(folder, exist_ok=True)
-    make_writable(os.path.dirname(path) for path, _ in files)
     for path, status in files:
         target = _target(task, path)
         if not _is_same(path, target):
@@ -334,7 +332,8 @@ def commit(task: Task, layout: Layout) -> tuple[InstalledFiles, tuple[Problem, .
                 os.utime(path)
             os.replace(path, target)
     for folder, mode in modes.items():
-        if is_folder(folder) and stat.S_IMODE(os.lstat(folder).st_mode) != mode:
+        folder_status = status_of(folder)
+        if folder_status and stat.S_IMODE(folder_status.st_mode) != mode:
             os.chmod(folder, mode)
     for name in MANIFESTS:
         manifest = task.build_dir / name
