@@ -41,7 +41,8 @@ def inodes(prefix: Path) -> dict[str, tuple[int, int]]:
 
 
 def hello(root: Path) -> subprocess.CompletedProcess[str]:
-    variables = {**os.environ, "LD_LIBRARY_PATH": str(root / "install/a/lib")}
+    # Not with os.environ, which a build in another thread changes.
+    variables = {"LD_LIBRARY_PATH": str(root / "install/a/lib")}
     return subprocess.run(
         [root / "install/a/bin/hello"], env=variables, capture_output=True, text=True, check=False
     )
