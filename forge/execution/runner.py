@@ -192,14 +192,15 @@ class LocalExecutor:
 
     def __init__(
         self,
-        job_pool: JobPool,
-        started: StartedProcesses,
+        job_pool: JobPool | None = None,
+        started: StartedProcesses | None = None,
         surroundings: Surroundings = lambda _task, _step, variables, _is_stopped: nullcontext(
             (variables, False)
         ),
         memory: PackageMemory | None = None,
     ) -> None:
-        self.slots = job_pool.local
+        """Store the arguments. Executors of plugins do without them: their steps share no jobs."""
+        self.slots = job_pool.local if job_pool else 1
         self._job_pool = job_pool
         self._started = started
         self._surroundings = surroundings
@@ -257,7 +258,7 @@ class LocalExecutor:
             put(Output(task.name, f"forge: {text}\n".encode(), stderr=True))
 
         say(f"{killed} was killed, probably for lack of memory; {REPEATED_ALONE}")
-        with self._job_pool.alone():
+        with self._job_pool.alone() if self._job_pool else nullcontext():
             if self._stopping.is_set():
                 return -signal.SIGKILL
             code, again = self._run_step(task, step, environment, put, alone=True)
@@ -284,12 +285,13 @@ class LocalExecutor:
 
     def finish_steps(self) -> None:
         self._stopping.set()
-        self._job_pool.stop()
+        if self._job_pool:
+            self._job_pool.stop()
 
     def interrupt(self, *, kill: bool) -> None:
         """Interrupt every process group; those that do not end are terminated, then killed."""
         self.finish_steps()
-        if self._last_signal is None:
+        if self._started and self._last_signal is None:
             self._started.note_descendants()
         self._signal(signal.SIGKILL if kill else signal.SIGINT)
 
@@ -345,16 +347,17 @@ class LocalExecutor:
                 text = text.replace(os.fsencode(step.cwd), os.fsencode(task.build_dir))
             put(Output(task.name, text, stderr=stderr))
 
+        tools = self._job_pool.tools(step, variables, alone=alone) if self._job_pool else None
         with (
-            self._job_pool.tools(step, variables, alone=alone) as (for_tools, descriptors),
+            tools or nullcontext((variables, ())) as (for_tools, descriptors),
             self._surroundings(task, step, for_tools, self._stopping.is_set) as (variables, logs),
         ):
-            token = self._started.announce()
+            token = self._started.announce() if self._started else ""
             try:
                 process = subprocess.Popen(
                     step.argv,
                     cwd=step.cwd,
-                    env={**variables, START_VARIABLE: token},
+                    env={**variables, START_VARIABLE: token} if token else variables,
                     pass_fds=descriptors,
                     stdin=subprocess.DEVNULL,
                     stdout=subprocess.PIPE,
@@ -367,7 +370,8 @@ class LocalExecutor:
                 put(Output(task.name, message.encode(), stderr=True))
                 code = _NOT_STARTED
             else:
-                self._started.note(process.pid, token)
+                if self._started:
+                    self._started.note(process.pid, token)
                 with self._lock:
                     self._groups.add(process.pid)
                     if self._last_signal is not None:  # it started during an interrupt
