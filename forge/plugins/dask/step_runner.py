@@ -54,8 +54,8 @@ def run_task(argv: list[str], source: BinaryIO, target: BinaryIO) -> None:
     pool = join_pool(auth) if auth else None
     overloaded = partial(is_overloaded, remote_task.jobs.memory_limit, remote_task.jobs.load_limit)
     job_pool = JobPool(int(jobs), pool, frozenset(jobserver_tools), is_overloaded=overloaded)
-    folder = remote_task.environment[BUILD_FOLDER_VARIABLE]
-    executor = LocalExecutor(job_pool, StartedProcesses(Path(folder)))
+    folder = remote_task.environment.get(BUILD_FOLDER_VARIABLE)
+    executor = LocalExecutor(job_pool, StartedProcesses(Path(folder)) if folder else None)
     threading.Thread(target=_listen, args=(source, executor), name=COMMANDS_THREAD, daemon=True).start()
     put = partial(_write, target, threading.Lock())
     with (

@@ -57,9 +57,15 @@ class RunningSteps:
         theirs, self._source = os.pipe()
         self.target, ours = os.pipe()
         self._ends = (os.fdopen(theirs, "rb", buffering=0), os.fdopen(ours, "wb"))
-        self.thread = threading.Thread(target=run_task, args=(["1", ""], *self._ends))
+        self.thread = threading.Thread(target=self.run)
         self.thread.start()
         os.write(self._source, with_length(pickle.dumps(remote_task)))
+
+    def run(self) -> None:
+        """Run the task; a failure ends the events."""
+        source, target = self._ends
+        with target:
+            run_task(["1", ""], source, target)
 
     def events(self) -> Iterator[Event]:
         """Yield its events, up to the last one."""
