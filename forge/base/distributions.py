@@ -7,6 +7,7 @@ ones.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -68,7 +69,7 @@ def has_service_events(rosdistro: str) -> bool:
 def definition_folders(folder: Path, rosdistro: str) -> tuple[Path, ...]:
     """Return the folders that contain the definitions of a package; the first ones take precedence."""
     newer = folder / SINCE
-    if not folder.is_relative_to(EMBEDDED) or not newer.is_dir():
+    if not folder.is_relative_to(EMBEDDED) or not os.path.isdir(newer):  # noqa: PTH112  (see below)
         return (folder,)
     return (*(base for name in up_to(rosdistro) if (base := newer / name).is_dir()), folder)
 
@@ -86,7 +87,7 @@ def find_definition(folder: Path, rosdistro: str, relative: str) -> Path | None:
         if relative in removed_definitions(base):
             return None
         path = base / relative
-        if path.is_file():
+        if os.path.isfile(path):  # noqa: PTH113  (False for a name that is too long)
             return path
     return None
 

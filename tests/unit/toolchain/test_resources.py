@@ -126,7 +126,7 @@ def test_a_memory_limit_is_a_percentage_or_a_size(text: str, limit: MemoryLimit)
 
 @pytest.mark.parametrize("text", ["", "0", "-1G", "much", "5%%"])
 def test_an_invalid_memory_limit_is_rejected(text: str) -> None:
-    with pytest.raises(ValueError, match=f"^{text}$"):
+    with pytest.raises(ValueError, match=f"^'{text}' is neither a size nor a percentage of memory$"):
         memory_limit(text)
 
 
