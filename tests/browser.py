@@ -68,6 +68,8 @@ class Browser:
         self._driver.get("about:blank")
         address = path if isinstance(path, str) else path.resolve().as_uri()
         self._driver.get(address + (f"#{anchor}" if anchor else ""))
+        # On a busy machine, the driver may take the blank page for the loaded one.
+        self.wait(lambda: self.run("return document.readyState") == "complete")
 
     def find(self, place: str) -> WebElement:
         """Return the first element; raises selenium's NoSuchElementException when there is none."""
