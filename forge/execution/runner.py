@@ -187,6 +187,12 @@ class TaskRunner:
         return self._open(task)
 
 
+def _unchanged(
+    _task: Task, _step: Step, variables: Mapping[str, str], _is_stopped: object
+) -> AbstractContextManager[tuple[Mapping[str, str], bool]]:
+    return nullcontext((variables, False))
+
+
 class LocalExecutor:
     """Runs each step in a separate process group on this machine."""
 
@@ -194,16 +200,14 @@ class LocalExecutor:
         self,
         job_pool: JobPool | None = None,
         started: StartedProcesses | None = None,
-        surroundings: Surroundings = lambda _task, _step, variables, _is_stopped: nullcontext(
-            (variables, False)
-        ),
+        surroundings: Surroundings | None = None,
         memory: PackageMemory | None = None,
     ) -> None:
         """Store the arguments. Executors of plugins do without them: their steps share no jobs."""
         self.slots = job_pool.local if job_pool else 1
         self._job_pool = job_pool
         self._started = started
-        self._surroundings = surroundings
+        self._surroundings: Surroundings = surroundings or _unchanged
         self._memory = memory
         self._stopping = threading.Event()
         self._groups: set[int] = set()

@@ -448,7 +448,8 @@ def test_changed_files_and_rules_install_as_in_a_clean_build(
             rules.change()
         rules.write()
         build(forge, root, *options)
-        if turn % 2 == 0:
+        # In CI, after every second change: a clean build takes as long as all else.
+        if turn % 2 == 0 and "FORGE_TEST_EXAMPLES" not in os.environ:
             continue
         clean = root.parent / "clean"
         shutil.rmtree(clean, ignore_errors=True)

@@ -38,6 +38,7 @@ _WORKDIR = "${cmake_ninja_workdir}"
 _COMPILES = re.compile(r"(C|CXX|ASM\w*|CUDA|HIP|OBJC|OBJCXX|ISPC|RC)_COMPILER_")
 _LINKS_DYNAMICALLY = re.compile(r"\w+_(SHARED_LIBRARY|SHARED_MODULE|MODULE_LIBRARY|EXECUTABLE)_LINKER_")
 _COMMAND = re.compile(r"^  COMMAND = (.*)$", re.MULTILINE)
+_LINKED = re.compile(r"^  LINK_(?:FLAGS|LIBRARIES|PATH) = (.*)$", re.MULTILINE)
 _DEPFILE = re.compile(r"^  depfile = (.*)$", re.MULTILINE)
 _MAKE_WORD = re.compile(r"(?:\\.|[^\\\s])+")
 
@@ -117,9 +118,6 @@ class NativeGraph:
                     yield path
                     if Path(path).exists():
                         break
-
-
-_LINKED = re.compile(r"^  LINK_(?:FLAGS|LIBRARIES|PATH) = (.*)$", re.MULTILINE)
 
 
 class EdgeFinder:

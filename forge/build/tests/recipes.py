@@ -191,7 +191,7 @@ def python_recipe(package: Package, context: TestContext, wants: Collection[str]
         covered = plugin and not options.coverage and (options.pytest_with_coverage or "pytest-cov" in wants)
         coverage = (
             f"--cov={source}",
-            *(f"--cov-report={kind}:{build}/coverage.{kind}" for kind in ("html", "xml")),
+            *(f"--cov-report={suffix}:{build}/coverage.{suffix}" for suffix in ("html", "xml")),
             "--cov-branch",
         )
         repeats = bool(options.retest_until_fail) and "pytest_repeat" in modules

@@ -115,9 +115,15 @@ def main(words: Sequence[str]) -> int:
     return 0 if result.records else NONE_FOUND
 
 
+_WORST_FIRST = ("error", "failure", "skipped")
+"""Of several events in a test, the worst one is its result."""
+
+
 def _junit(package: str, records: Sequence[CaseRecord]) -> bytes:
-    # Of several events in a test, the worst counts, which is the first in alphabetical order.
-    kinds = [min((kind for kind, _, _ in record.events), default="") for record in records]
+    kinds = []
+    for record in records:
+        noted = {kind for kind, _, _ in record.events}
+        kinds.append(next((kind for kind in _WORST_FIRST if kind in noted), ""))
     seconds = sum(record.seconds for record in records)
     root = ET.Element("testsuite", name=_printable(package), time=f"{seconds:.3f}", tests=str(len(records)))
     for name, kind in (("errors", "error"), ("failures", "failure"), ("skipped", "skipped")):
