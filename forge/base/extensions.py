@@ -33,6 +33,7 @@ TOOLCHAINS = "forge.toolchains"
 UNDERLAYS = "forge.underlays"
 CACHES = "forge.caches"
 OPTIONS = "forge.options"
+HINTS = "forge.hints"
 
 OWN: Mapping[str, Mapping[str, str]] = {
     COMMANDS: {
@@ -85,6 +86,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "watch": "forge.plugins.watch.watch",
     },
     RECIPES: {"fast_rosidl": "forge.plugins.fast_rosidl.recipe"},
+    HINTS: {"failures": "forge.plugins.failure_hints.hints"},
     REPORTERS: {
         "coverage": "forge.plugins.coverage.reporter",
         "github": "forge.plugins.ci.github",

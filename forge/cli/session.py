@@ -186,7 +186,7 @@ def open_session(
 
     `seconds` contains the duration of earlier builds of packages. A `quiet` session prints failures only.
     `cmake_variables` are those passed to all packages; `surroundings` is the context for hints, as in
-    failure_context. Embedded packages that were built before get no separate lines, except those that the
+    Failure. Embedded packages that were built before get no separate lines, except those that the
     user named. Paths are displayed relative to `origin`.
     """
     handlers, durations = options.handlers, seconds or {}

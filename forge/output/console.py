@@ -207,7 +207,7 @@ class ConsoleReporter:
         """
         self.screen = PLAIN
         self.surroundings: Mapping[str, Any] = {}
-        """Context for hints about failed packages: arguments of failure_context."""
+        """Context for hints about failed packages: arguments of Failure."""
         self.collapsed: frozenset[str] = frozenset()
         """Packages that get no separate lines unless they fail; the summary counts them."""
         self.launcher_summaries: tuple[LauncherSummary, ...] = ()
@@ -425,15 +425,15 @@ class ConsoleReporter:
 
     def _fail(self, event: Finished, shown: str) -> None:
         """Print the package, step, first error unless it was just `shown`, log and a command to repeat it."""
-        from forge.output.failure_hints import failure_context, hint_of
         from forge.output.first_error import COLOUR, VISIBLE_LINES, first_error
+        from forge.output.hints import Failure, hint_of
 
         task, package = event.task, self.packages[event.task]
         text = self._output.pop(task, Excerpt()).everything.decode(errors="replace")
         error = first_error(text.split("\n"), package.path.as_posix())
         repeat = step_line(event.step, environment_file(self._tasks[task])) if event.step else None
-        hint = hint_of(text, failure_context(package, self.packages, **self.surroundings))
-        self.failures[task] = PackageFailure(event.code, error, repeat, hint)
+        hint = hint_of(Failure(package, self.packages, COLOUR.sub("", text), **self.surroundings))
+        self.failures[task] = PackageFailure(event.code, error, repeat, hint or None)
         palette = self.screen.palette(stderr=True)
         seconds = f"{duration(event.seconds)}, exited with code {event.code}"
         lines = [f"{palette.paint('failure', 'Failed  ')} <<< {self._label(task, stderr=True)} [{seconds}]"]

@@ -145,22 +145,6 @@ def cmake_dependencies(texts: Iterable[str]) -> frozenset[str]:
     return frozenset(filter(None, names))
 
 
-def targets(text: str) -> tuple[str, ...]:
-    """Return the targets with literal names, in order; ${PROJECT_NAME} is expanded."""
-    name = project_name(text) or ""
-    definitions = (
-        call for call in calls(text) if call.command in {"add_executable", "add_library"} and call.words
-    )
-    return tuple(call.words[0].replace("${PROJECT_NAME}", name) for call in definitions)
-
-
-def linked_packages(text: str) -> frozenset[str]:
-    """Return the packages that targets link, by name or by a target such as NAME::NAME."""
-    linking = {"ament_target_dependencies", "target_link_libraries"}
-    words = (word for call in calls(text) if call.command in linking for word in call.words[1:])
-    return frozenset(word.partition("::")[0] for word in words)
-
-
 def package_references(text: str) -> Iterator[PackageReference]:
     """Yield the packages referenced by a literal name; none is required after a return()."""
     returned = False
@@ -179,13 +163,6 @@ def package_references(text: str) -> Iterator[PackageReference]:
         for name in names:
             if _PACKAGE.fullmatch(name) and name not in _SCOPES:
                 yield PackageReference(name, call.line, required, testing)
-
-
-def used_by_tests_only(text: str) -> frozenset[str]:
-    """Return the packages that are referenced only below if(BUILD_TESTING)."""
-    references = tuple(package_references(text))
-    others = {each.name for each in references if not each.testing}
-    return frozenset(each.name for each in references if each.testing) - others
 
 
 def announced_downloads(packages: Iterable[Package]) -> Problem | None:

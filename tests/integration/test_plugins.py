@@ -343,6 +343,39 @@ def test_an_error_in_a_third_party_reporter_has_a_location(code: str, message: s
     assert "Traceback" not in ran.stderr
 
 
+BROKEN_SDK = {
+    **PLAIN,
+    "ws/src/shapes/CMakeLists.txt": "cmake_minimum_required(VERSION 3.18)\nproject(shapes NONE)\n"
+    'message(NOTICE "board-sdk: no license")\nfind_package(nowhere_y REQUIRED)\n',
+}
+
+
+@pytest.mark.parametrize(
+    ("code", "message"),
+    [
+        ("", "\n  hint: start the license server: systemctl --user start board-licenses\n"),
+        (
+            "def hint(failure):\n    1 / 0\n",
+            ":2: error: the source of hints 'board' failed: ZeroDiv",
+        ),
+        ("hint = lambda _: 1", "error: the source of hints 'board' returned int instead of a str\n"),
+    ],
+)
+def test_a_third_party_hint_is_used_if_no_other_is_known(
+    code: str, message: str, tree: Tree, forge_without: Callable[[str], Path]
+) -> None:
+    (block,) = (block.text for block in blocks(PAGE) if block.mark == "write: forge_board.py")
+    metadata = distribution("board", "forge.hints", "board = forge_board")
+    root = tree({**BROKEN_SDK, "forge_board.py": code or block, **metadata})
+    path = f"{root}:{forge_without('failure_hints')}"
+    ran = run_forge(root / "ws", "build", path=Path(path))
+    assert (ran.returncode, message in ran.stderr) == (2 if code else 1, True), ran.stderr
+    if not code:
+        ran = run_forge(root / "ws", "build", path=root)
+        assert "\n  hint: install the system package that contains nowhere_yConfig.cmake" in ran.stderr
+        assert "\nhints (entry points 'forge.hints'):\n" in run_forge(root, "extensions", path=root).stdout
+
+
 def test_an_error_in_a_third_party_command_has_a_location(tree: Tree) -> None:
     code = "def register(parser): pass\ndef run(options):\n    return 1 / 0\n"
     root = tree({"broken.py": code, **distribution("broken", "forge.commands")})

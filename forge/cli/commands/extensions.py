@@ -29,6 +29,7 @@ def run(_: Options) -> int:
         ("caches", (), groups.CACHES),
         ("event handlers", handlers, ""),
         ("reporters", (), groups.REPORTERS),
+        ("hints", (), groups.HINTS),
         ("executors", EXECUTORS, groups.EXECUTORS),
         ("shells", SHELLS, ""),
     ):

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from forge.base.errors import Problem
-from forge.workspace.cmake_text import used_by_tests_only
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.missing import missing_dependencies
 from forge.workspace.model import Package
@@ -45,11 +44,6 @@ def test_skipped_keys_are_not_mentioned() -> None:
     made = package("a", "rclcpp", "tf2", "rmw")
     assert beginnings(missing_in(made, skip_keys=("rclcpp", "rmw"))) == ["'a' needs 'tf2'"]
     assert missing_in(made, skip_keys=("rclcpp", "rmw", "tf2")) == ()
-
-
-def test_packages_used_only_by_tests_are_recognized() -> None:
-    text = "find_package(a)\nif(BUILD_TESTING)\nfind_package(a)\nfind_package(b REQUIRED)\nendif()"
-    assert used_by_tests_only(text) == {"b"}
 
 
 def test_dependencies_missing_from_the_same_packages_are_grouped() -> None:

@@ -8,26 +8,25 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any
 
 from forge.base.files import text_or_nothing
-from forge.base.frozen import frozen
 from forge.base.layout import PACKAGE
 from forge.base.names import did_you_mean, nearest, snake_case
 from forge.base.text import quoted_names
 from forge.build.inputs.fingerprints import own_files
 from forge.build.tasks import KILLED_ALONE, REPEATED_ALONE
 from forge.environment.prefixes import SYSTEM
-from forge.output.first_error import COLOUR
+from forge.output.hints import Failure
 from forge.toolchain.config_search import ConfigSearch
 from forge.toolchain.python_modules import install_command
 from forge.workspace import resolve
-from forge.workspace.cmake_text import calls, cmake_dependencies, linked_packages, targets, used_by_tests_only
+from forge.workspace.cmake_text import calls, cmake_dependencies, package_references, project_name
 from forge.workspace.discovery import discover_embedded
 from forge.workspace.missing import submodule_remedy, unchecked_submodules
-from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS, Package
+from forge.workspace.model import BUILD_KINDS, RUN_KINDS, TEST_KINDS
 
 _SURE = 0.8
 """Required similarity for suggestions among many similar names."""
@@ -51,28 +50,20 @@ _CMAKE_COMMANDS = re.findall(
 )
 
 
-@frozen
-class FailureContext:
-    """The context of a failure: the package, all packages, the workspace's interpreter, and files on disk.
+@dataclass(frozen=True)
+class FailureContext(Failure):
+    """A failure and files on disk; `packages` include the embedded ones.
 
     `files` are relative to the package's folder. Its CMakeLists.txt defines `targets`, finds the packages
     `found` (those in `tested` for tests only, those in `optional` without REQUIRED), and links `linked`.
-    `prefix_of` returns the prefix of an installed package, `whereabouts` a remedy for a package that is in no
-    prefix, if one is known. `flags` are the options of the command.
     """
 
-    package: Package
-    packages: Mapping[str, Package]
-    python: str = "python3"
     files: tuple[str, ...] = ()
     targets: tuple[str, ...] = ()
     found: frozenset[str] = frozenset()
     tested: frozenset[str] = frozenset()
     linked: frozenset[str] = frozenset()
     optional: frozenset[str] = frozenset()
-    prefix_of: Callable[[str], Path | None] = lambda _: None
-    whereabouts: Callable[[str], str | None] = lambda _: None
-    flags: frozenset[str] = frozenset()
 
     @property
     def manifest(self) -> str:
@@ -87,43 +78,65 @@ class FailureContext:
         return f"<{tag}>{name}</{tag}>"
 
 
-def failure_context(package: Package, packages: Mapping[str, Package], **surroundings: Any) -> FailureContext:
-    """Return the context of a failed package; unreadable files are left out.
+def hint(failure: Failure) -> str:
+    """Return a remedy derived from the output of a failed package, '' if its cause is unknown."""
+    # The files of an embedded package belong to forge.
+    return "" if failure.package.embedded else hint_in(failure_context(failure))
 
-    `surroundings` are python, prefix_of, whereabouts and flags, as far as they are known.
-    """
-    folder = str(package.path)
+
+def failure_context(failure: Failure) -> FailureContext:
+    """Return the context of a failure; unreadable files are left out."""
+    folder = str(failure.package.path)
     try:
         files = tuple(os.path.relpath(path, folder) for path, _ in own_files(folder))
     except OSError:
         files = ()
-    text = text_or_nothing(package.path / "CMakeLists.txt")
+    text = text_or_nothing(failure.package.path / "CMakeLists.txt")
     searches = [call.words for call in calls(text) if call.command == "find_package" and call.words]
     return FailureContext(
-        package,
-        {**discover_embedded(), **packages},
+        **{**vars(failure), "packages": {**discover_embedded(), **failure.packages}},
         files=files,
         targets=targets(text),
         found=cmake_dependencies([text]),
         tested=used_by_tests_only(text),
         linked=linked_packages(text),
         optional=frozenset(words[0] for words in searches if "REQUIRED" not in words),
-        **surroundings,
     )
 
 
-def hint_of(output: str, context: FailureContext) -> str | None:
-    """Return a remedy derived from the output of a failed package, or None."""
-    if context.package.embedded:
-        return None  # the files of an embedded package belong to forge
-    _, _, plain = COLOUR.sub("", output).rpartition(REPEATED_ALONE)
+def targets(text: str) -> tuple[str, ...]:
+    """Return the targets with literal names, in order; ${PROJECT_NAME} is expanded."""
+    name = project_name(text) or ""
+    definitions = (
+        call for call in calls(text) if call.command in {"add_executable", "add_library"} and call.words
+    )
+    return tuple(call.words[0].replace("${PROJECT_NAME}", name) for call in definitions)
+
+
+def linked_packages(text: str) -> frozenset[str]:
+    """Return the packages that targets link, by name or by a target such as NAME::NAME."""
+    linking = {"ament_target_dependencies", "target_link_libraries"}
+    words = (word for call in calls(text) if call.command in linking for word in call.words[1:])
+    return frozenset(word.partition("::")[0] for word in words)
+
+
+def used_by_tests_only(text: str) -> frozenset[str]:
+    """Return the packages that are referenced only below if(BUILD_TESTING)."""
+    references = tuple(package_references(text))
+    others = {each.name for each in references if not each.testing}
+    return frozenset(each.name for each in references if each.testing) - others
+
+
+def hint_in(context: FailureContext) -> str:
+    """Return a remedy derived from the output of a failed package, '' if its cause is unknown."""
+    _, _, output = context.output.rpartition(REPEATED_ALONE)
     for pattern, remedy in _REMEDIES:
-        for match in re.finditer(pattern.replace(" ", r"\s+"), plain):
+        for match in re.finditer(pattern.replace(" ", r"\s+"), output):
             name = match[1] if match.lastindex else ""
-            hint = remedy.replace("{}", name) if isinstance(remedy, str) else remedy(name, context)
-            if hint:
-                return hint
-    return None
+            found = remedy.replace("{}", name) if isinstance(remedy, str) else remedy(name, context)
+            if found:
+                return found
+    return ""
 
 
 def _package_not_found(name: str, context: FailureContext) -> str | None:

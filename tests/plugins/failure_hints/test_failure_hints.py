@@ -12,7 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from forge.base.layout import PACKAGE, Layout
-from forge.output.failure_hints import FailureContext, failure_context, hint_of
+from forge.output.hints import Failure
+from forge.plugins.failure_hints.hints import (
+    FailureContext,
+    failure_context,
+    hint,
+    hint_in,
+    used_by_tests_only,
+)
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.missing import whereabouts
 from forge.workspace.model import Package
@@ -22,11 +29,17 @@ from tests.packages import manifest_text, package
 SCENE = FailureContext(
     package("mine", "shapes"),
     {name: package(name) for name in ("mine", "shapes")},
-    "/venv/bin/python3",
-    ("CMakeCache.txt", "launch/robot/go.launch.py", "msg/Other.msg"),
-    ("drive",),
+    python="/venv/bin/python3",
+    files=("CMakeCache.txt", "launch/robot/go.launch.py", "msg/Other.msg"),
+    targets=("drive",),
     flags=frozenset({"--jobs", "-j", "--watch"}),
 )
+
+
+def hint_of(said: str, scene: FailureContext) -> str:
+    """Return the hint for this output."""
+    return hint_in(replace(scene, output=said))
+
 
 NOT_EXPORTED = 'The link interface of target "{}" contains:\n\n    {}\n\n  but the target was not found.'
 
@@ -121,26 +134,25 @@ NOT_EXPORTED = 'The link interface of target "{}" contains:\n\n    {}\n\n  but t
 )
 def test_known_failures_get_a_hint(said: str, expected: str) -> None:
     hint = hint_of(said, SCENE)
-    assert hint is not None
     assert expected in hint
 
 
 def test_a_dependency_spelled_like_a_ros_package_gets_no_system_package_hint() -> None:
     said = 'asked CMake to find a package configuration file provided by "{}", but'
     scene = FailureContext(package("mine", "odd_collector"), {"mine": package("mine")})
-    assert "source a ROS installation" in str(hint_of(said.format("odd_collector"), scene))
+    assert "source a ROS installation" in hint_of(said.format("odd_collector"), scene)
     # find_package's own names are spelled in every way: only the manifest tells.
-    assert "apt-file search" in str(hint_of(said.format("nlohmann_json"), scene))
+    assert "apt-file search" in hint_of(said.format("nlohmann_json"), scene)
 
 
 def test_misspelled_packages_get_a_suggestion_before_system_packages() -> None:
     said = 'asked CMake to find a package configuration file provided by "{}", but'
     scene = FailureContext(package("mine"), {name: package(name) for name in ("mine", "my_msgs", "rclcpp")})
-    hint = str(hint_of(said.format("my_mgs"), scene))
+    hint = hint_of(said.format("my_mgs"), scene)
     assert hint.startswith("did you mean 'my_msgs'? otherwise install the system package that contains my_m")
-    ros = str(hint_of(said.format("rclccp"), scene))
+    ros = hint_of(said.format("rclccp"), scene)
     assert ros.startswith("did you mean 'rclcpp'? otherwise source a ROS installation")
-    assert "did you mean" not in str(hint_of(said.format("mine2"), scene))
+    assert "did you mean" not in hint_of(said.format("mine2"), scene)
 
 
 @pytest.mark.parametrize(
@@ -161,7 +173,7 @@ def test_misspelled_packages_get_a_suggestion_before_system_packages() -> None:
 )
 def test_unknown_failures_get_no_hint(said: str) -> None:
     """A package that is declared and built, but not found, has an unknown cause."""
-    assert hint_of(said, SCENE) is None
+    assert hint_of(said, SCENE) == ""
 
 
 @given(st.text())
@@ -179,12 +191,12 @@ def test_missing_headers_are_found_in_installed_packages(tree: Tree) -> None:
     assert hint_of(said.format("shapes/cube.hpp"), scene) == "the package 'shapes' has no such header"
     assert hint_of(said.format("x/yess.h"), scene) == "did you mean 'x/yes.h'?"
     # The manifest and find_package() are as they should be, so it is the target.
-    assert str(hint_of(said.format("shapes/circle.hpp"), scene)).endswith(
+    assert hint_of(said.format("shapes/circle.hpp"), scene).endswith(
         "the package 'shapes'; add ament_target_dependencies(YOUR_TARGET shapes)"
     )
     # Not installed, hence not known.
     bare = replace(SCENE, prefix_of=lambda _: None)
-    assert "find_package(shapes REQUIRED) and ament" in str(hint_of(said.format("shapes/circle.hpp"), bare))
+    assert "find_package(shapes REQUIRED) and ament" in hint_of(said.format("shapes/circle.hpp"), bare)
     assert hint_of(said.format("Othr.msg"), bare) == "did you mean 'Other.msg'?"
 
 
@@ -195,13 +207,13 @@ def test_missing_headers_are_found_in_installed_packages(tree: Tree) -> None:
         ("ament_packag", ("ament_cmake",), "did you mean 'ament_package'?"),
         ("add_executabel", (), "did you mean 'add_executable'?"),
         ("ament_package", (), "add find_package(ament_cmake REQUIRED) before it in CMakeLists.txt"),
-        ("ament_package", ("ament_cmake",), None),
-        ("ament_special", ("ament_cmake",), None),
+        ("ament_package", ("ament_cmake",), ""),
+        ("ament_special", ("ament_cmake",), ""),
         ("draw_al", (), "did you mean 'draw_all'?"),
     ],
 )
 def test_an_unknown_cmake_command_is_misspelled_or_lacks_find_package(
-    tree: Tree, command: str, found: tuple[str, ...], expected: str | None
+    tree: Tree, command: str, found: tuple[str, ...], expected: str
 ) -> None:
     root = tree({"cmake/draw.cmake": "function(draw_all)\nendfunction()\n"})
     mine = replace(SCENE.package, path=root)
@@ -220,7 +232,7 @@ def test_interface_headers_are_lowercase() -> None:
 
 def test_plain_cmake_packages_need_find_dependency_in_their_config() -> None:
     scene = FailureContext(package("mine"), {"plain": package("plain", build_type="cmake")})
-    hint = str(hint_of(NOT_EXPORTED.format("plain::plain", "Threads::Threads"), scene))
+    hint = hint_of(NOT_EXPORTED.format("plain::plain", "Threads::Threads"), scene)
     assert hint.endswith("add find_dependency(Threads) to the CMake config that 'plain' installs")
 
 
@@ -229,7 +241,7 @@ def test_unknown_targets_reported_by_embedded_cmake_commands_have_a_hint() -> No
     messages = [found for text in texts for found in re.findall(r'"([^"]*was given \'\$[^"]*target)"', text)]
     assert len(messages) > 1
     for message in messages:
-        assert "did you mean 'drive'?" in str(hint_of(re.sub(r"\$\{\w+\}", "drvie", message), SCENE)), message
+        assert "did you mean 'drive'?" in hint_of(re.sub(r"\$\{\w+\}", "drvie", message), SCENE), message
 
 
 NO_CONFIG = 'asked CMake to find a package configuration file provided by "{}", but'
@@ -243,21 +255,20 @@ def scene_in(root: Path, text: str = "", *depends: str) -> FailureContext:
     layout = Layout(root / "build", root / "install", None)
     packages = {"mine": made, "shapes": package("shapes")}
     place_of = partial(whereabouts, root, layout)
-    return failure_context(
-        made, packages, prefix_of=lambda name: root / "install" / name, whereabouts=place_of
-    )
+    prefix_of = (root / "install").joinpath
+    return failure_context(Failure(made, packages, prefix_of=prefix_of, whereabouts=place_of))
 
 
 def test_a_package_of_an_earlier_build_gets_no_system_package_hint(tree: Tree) -> None:
     root = tree({"ws/install/gone/share/gone/package.sh": ""}) / "ws"
-    hint = str(hint_of(NO_CONFIG.format("gone"), scene_in(root)))
+    hint = hint_of(NO_CONFIG.format("gone"), scene_in(root))
     assert hint.startswith("'gone' was in the workspace in an earlier build")
     assert "forge clean stale" in hint
 
 
 def test_a_package_excluded_by_options_is_reported(tree: Tree) -> None:
     files = {"ws/install/gone/share/gone/package.sh": "", "ws/src/gone/package.xml": manifest_text("gone")}
-    hint = str(hint_of(NO_CONFIG.format("gone"), scene_in(tree(files) / "ws")))
+    hint = hint_of(NO_CONFIG.format("gone"), scene_in(tree(files) / "ws"))
     assert hint.startswith("'gone' is in 'src/gone', but left out by '--paths', ")
 
 
@@ -268,7 +279,7 @@ def test_a_missing_submodule_is_reported(tree: Tree) -> None:
     expected = "the submodule 'src/up' is not checked out: git submodule update --init src/up"
     assert hint_of(NO_CONFIG.format("pk"), scene_in(root)) == expected
     (root / "src/up/file").touch()
-    assert "apt-file" in str(hint_of(NO_CONFIG.format("pk"), scene_in(root)))
+    assert "apt-file" in hint_of(NO_CONFIG.format("pk"), scene_in(root))
 
 
 def test_a_missing_submodule_in_a_package_is_reported(tree: Tree, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -276,12 +287,12 @@ def test_a_missing_submodule_in_a_package_is_reported(tree: Tree, monkeypatch: p
     (root / "src/mine/extern/x/f").unlink()
     monkeypatch.chdir(root)
     said = 'add_subdirectory given source "extern/x" which is not an\n  existing directory.'
-    assert "git submodule update --init src/mine/extern/x" in str(hint_of(said, scene_in(root)))
+    assert "git submodule update --init src/mine/extern/x" in hint_of(said, scene_in(root))
 
 
 def test_a_package_of_a_neighbouring_workspace_suggests_sourcing_it(tree: Tree) -> None:
     root = tree({"other/install/my_msgs/share/my_msgs/package.sh": "", "ws/src/x": ""}) / "ws"
-    hint = str(hint_of(NO_CONFIG.format("my_msgs"), scene_in(root)))
+    hint = hint_of(NO_CONFIG.format("my_msgs"), scene_in(root))
     assert hint == f"source the workspace that contains it: . {root.parent}/other/install/setup.sh"
 
 
@@ -294,7 +305,7 @@ def test_a_package_of_a_neighbouring_workspace_suggests_sourcing_it(tree: Tree) 
 )
 def test_a_folder_in_place_of_files_gets_a_hint(tree: Tree, said: str) -> None:
     scene = scene_in(tree({"src/mine/launch/sub/a.py": ""}))
-    assert str(hint_of(said, scene)).startswith("'launch/sub' is a folder, where files are expected")
+    assert hint_of(said, scene).startswith("'launch/sub' is a folder, where files are expected")
 
 
 def test_hints_do_not_suggest_existing_lines(tree: Tree) -> None:
@@ -304,7 +315,7 @@ def test_hints_do_not_suggest_existing_lines(tree: Tree) -> None:
     undefined = "a.cpp:(.text+0x5): undefined reference to `shapes::area(int)'"
     assert hint_of(undefined, scene) == "'shapes' exports no library that defines 'shapes::area(int)'"
     not_found = "ament_target_dependencies(): 'a' uses the package 'shapes', which was not found"
-    assert "add find_package" not in str(hint_of(not_found, scene))
+    assert "add find_package" not in hint_of(not_found, scene)
 
 
 def test_an_unknown_target_lists_the_exported_targets(tree: Tree) -> None:
@@ -319,7 +330,7 @@ def test_an_unknown_target_lists_the_exported_targets(tree: Tree) -> None:
     assert hint == "'shapes' has no target 'shapes::shapes'; it exports 'shapes::round', 'shapes::all'"
     bare = hint_of(said, scene_in(tree({"x": ""}), "find_package(shapes REQUIRED)"))
     assert "add find_package" not in str(bare)
-    assert "add find_package(shapes REQUIRED)" in str(hint_of(said, scene_in(root)))
+    assert "add find_package(shapes REQUIRED)" in hint_of(said, scene_in(root))
 
 
 @pytest.mark.parametrize(
@@ -336,7 +347,7 @@ def test_a_system_package_is_suggested_only_for_optional_dependencies(tree: Tree
         "the package downloads https://x.org/y during the build: provide network access, or install "
         "the system package that contains 'nowhere_y'"
     )
-    assert "system package" not in str(hint_of(said, scene_in(tree({}), "# find_package(y)")))
+    assert "system package" not in hint_of(said, scene_in(tree({}), "# find_package(y)"))
 
 
 def test_an_unknown_header_is_not_attributed_to_this_package(tree: Tree) -> None:
@@ -345,16 +356,21 @@ def test_an_unknown_header_is_not_attributed_to_this_package(tree: Tree) -> None
     assert hint_of(said.format("own.h"), scene) == (
         "for a header of this package: target_include_directories(YOUR_TARGET PRIVATE inc)"
     )
-    assert "apt-file search /yaml.h" in str(hint_of(said.format("yaml.h"), scene))
+    assert "apt-file search /yaml.h" in hint_of(said.format("yaml.h"), scene)
 
 
-def test_failures_in_embedded_packages_get_no_hints(tree: Tree) -> None:
-    scene = scene_in(tree({}))
-    scene = replace(scene, package=replace(scene.package, embedded=True))
-    assert hint_of(NO_CONFIG.format("shapes"), scene) is None
+def test_failures_in_embedded_packages_get_no_hints() -> None:
+    failure = Failure(package("mine"), {}, NO_CONFIG.format("nowhere"))
+    assert "apt-file" in hint(failure)
+    assert hint(replace(failure, package=replace(failure.package, embedded=True))) == ""
 
 
 @pytest.mark.parametrize("word", ["--no-such-option", "-x", "--job", "-jail"])
 def test_only_forge_options_get_an_unrecognized_argument_hint(word: str) -> None:
     hint = hint_of(f"error: unrecognized arguments: {word}\n", SCENE)
-    assert (hint is not None) == word.startswith("-j")
+    assert bool(hint) == word.startswith("-j")
+
+
+def test_packages_used_only_by_tests_are_recognized() -> None:
+    text = "find_package(a)\nif(BUILD_TESTING)\nfind_package(a)\nfind_package(b REQUIRED)\nendif()"
+    assert used_by_tests_only(text) == {"b"}
