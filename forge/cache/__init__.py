@@ -3,4 +3,4 @@
 Start with `package_cache` and `opening`.
 """
 
-__all__ = ["model"]
+__all__ = ["folder_store", "maintenance", "model", "opening"]

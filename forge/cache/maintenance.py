@@ -1,4 +1,4 @@
-"""Maintain a folder store: prune it to a maximum size, verify its files, count hits and misses."""
+"""Maintain a folder store: list its files, prune it to a maximum size, count hits and misses."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ import json
 import os
 import re
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
 from forge.base.files import replace_file
 from forge.base.frozen import frozen
-from forge.cache.folder_store import DRAFT, FolderStore, sha256_of
-from forge.cache.model import CacheEntry, decode_result
+from forge.cache.folder_store import DRAFT, FolderStore
+from forge.cache.model import decode_result
 
 DEFAULT_SIZE = 20 << 30
 """The default maximum size of a folder store in bytes."""
 
 _STORED = re.compile(r"[0-9a-f]{64}")
-_YOUNG_SECONDS = 3600.0
+YOUNG_SECONDS = 3600.0
 """Unreferenced blobs younger than this are kept: a running build may not have written their result yet."""
 
 
@@ -76,7 +76,7 @@ def prune(store: FolderStore, size: int, since: float = 0.0) -> tuple[int, int]:
         else:
             left -= needed
             kept_blobs |= blobs
-    old = time.time() - _YOUNG_SECONDS
+    old = time.time() - YOUNG_SECONDS
     removed += [
         blob
         for name, blob in contents.blobs.items()
@@ -86,24 +86,6 @@ def prune(store: FolderStore, size: int, since: float = 0.0) -> tuple[int, int]:
         with contextlib.suppress(FileNotFoundError):
             file.path.unlink()
     return len(removed), sum(file.size for file in removed)
-
-
-def prune_entries(
-    entries: Iterable[CacheEntry], remove: Callable[[CacheEntry], bool], size: int, since: float = 0.0
-) -> list[CacheEntry]:
-    """Remove the least recently used entries until they take at most `size` bytes, and return them.
-
-    Entries that were not used `since` then are removed as well. Entries used in the last hour are kept, since
-    a build may use them; `remove` returns whether it could remove an entry.
-    """
-    ordered = sorted(entries, key=lambda entry: entry.used)
-    left, young = sum(entry.size for entry in ordered), time.time() - _YOUNG_SECONDS
-    removed = []
-    for entry in ordered:
-        if (left > size or entry.used < since) and entry.used < young and remove(entry):
-            left -= entry.size
-            removed.append(entry)
-    return removed
 
 
 def _files(folder: Path) -> Iterator[StoredFile]:
@@ -117,37 +99,6 @@ def _files(folder: Path) -> Iterator[StoredFile]:
             with contextlib.suppress(FileNotFoundError):
                 status = path.stat()
                 yield StoredFile(path, status.st_size, status.st_mtime)
-
-
-@frozen
-class VerifyResult:
-    """The number and size of the files read, and the removed files with reasons."""
-
-    files: int
-    size: int
-    corrupt: tuple[tuple[Path, str], ...]
-
-
-def verify(store: FolderStore) -> VerifyResult:
-    """Read every file of a store; remove corrupt blobs, unreadable results and results with missing blobs."""
-    contents = scan_store(store)
-    corrupt: list[tuple[Path, str]] = []
-    for name, file in contents.blobs.items():
-        # Drafts belong to a running or killed build; pruning removes them by age.
-        with contextlib.suppress(FileNotFoundError), file.path.open("rb") as stream:
-            if not DRAFT.fullmatch(name) and sha256_of(stream.fileno()) != name:
-                corrupt.append((file.path, "its content does not match its SHA-256"))
-    blobs = contents.blobs.keys() - {path.name for path, _ in corrupt}
-    for path in (file.path for file in contents.results):
-        with contextlib.suppress(FileNotFoundError):
-            try:
-                if not {file.digest.hash for file in decode_result(path.read_bytes()).files} <= blobs:
-                    corrupt.append((path, "one of its blobs is missing"))
-            except ValueError as error:
-                corrupt.append((path, f"it cannot be read: {error}"))
-    for path, _ in corrupt:
-        path.unlink(missing_ok=True)
-    return VerifyResult(len(contents.results) + len(contents.blobs), contents.size, tuple(corrupt))
 
 
 _FILE = "counts.json"

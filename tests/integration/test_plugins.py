@@ -111,6 +111,7 @@ def test_forge_builds_without_the_plugin(
         ),
         ("graph", "command 'graph'", "charts", ""),
         ("list -g", "command 'graph'", "charts", ""),
+        ("cache stats", "command 'cache'", "cache_maintenance", ""),
         ("list --mixin debug", "option 'mixin'", "mixins", ""),
         ("list --packages-select-changed", "option 'packages-select-changed'", "git_changes", ""),
         ("pkg create a", "verb 'create'", "create", ""),

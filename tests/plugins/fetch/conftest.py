@@ -6,7 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from forge.base.extensions import COMMANDS, is_installed
 from tests.plugins.fetch.ros import Ros, small_ros
+
+collect_ignore = [] if is_installed(COMMANDS, "cache") else ["test_cache.py"]
+"""Tests of `forge cache`, which is another plugin."""
 
 
 @pytest.fixture(scope="session")

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import time
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any
 
 from forge.base.errors import HostError, Problem, SelectionError, raise_if_any
@@ -14,9 +15,9 @@ from forge.base.extensions import CACHES, call, entry_points, find, installed
 from forge.base.frozen import frozen
 from forge.base.options import option, options_of
 from forge.base.text import counted
-from forge.cache.folder_store import FolderStore
-from forge.cache.maintenance import DEFAULT_SIZE, prune, prune_entries, read_counts, scan_store, verify
-from forge.cache.model import CacheEntry
+from forge.cache.folder_store import DRAFT, FolderStore, sha256_of
+from forge.cache.maintenance import DEFAULT_SIZE, YOUNG_SECONDS, prune, read_counts, scan_store
+from forge.cache.model import CacheEntry, decode_result
 from forge.cache.opening import byte_count, cache_folder, foreign_store
 from forge.cli.main import Parser
 from forge.cli.options import NoOptions, add_verb
@@ -147,6 +148,55 @@ def _plugins(folder: str | None = None) -> Iterator[tuple[str, Any]]:
 
 def _entries(name: str, plugin: Any) -> list[CacheEntry]:
     return list(call(f"the cache '{name}'", plugin.entries, os.environ))
+
+
+def prune_entries(
+    entries: Iterable[CacheEntry], remove: Callable[[CacheEntry], bool], size: int, since: float = 0.0
+) -> list[CacheEntry]:
+    """Remove the least recently used entries until they take at most `size` bytes, and return them.
+
+    Entries that were not used `since` then are removed as well. Entries used in the last hour are kept, since
+    a build may use them; `remove` returns whether it could remove an entry.
+    """
+    ordered = sorted(entries, key=lambda entry: entry.used)
+    left, young = sum(entry.size for entry in ordered), time.time() - YOUNG_SECONDS
+    removed = []
+    for entry in ordered:
+        if (left > size or entry.used < since) and entry.used < young and remove(entry):
+            left -= entry.size
+            removed.append(entry)
+    return removed
+
+
+@frozen
+class VerifyResult:
+    """The number and size of the files read, and the removed files with reasons."""
+
+    files: int
+    size: int
+    corrupt: tuple[tuple[Path, str], ...]
+
+
+def verify(store: FolderStore) -> VerifyResult:
+    """Read every file of a store; remove corrupt blobs, unreadable results and results with missing blobs."""
+    contents = scan_store(store)
+    corrupt: list[tuple[Path, str]] = []
+    for name, file in contents.blobs.items():
+        # Drafts belong to a running or killed build; pruning removes them by age.
+        with suppress(FileNotFoundError), file.path.open("rb") as stream:
+            if not DRAFT.fullmatch(name) and sha256_of(stream.fileno()) != name:
+                corrupt.append((file.path, "its content does not match its SHA-256"))
+    blobs = contents.blobs.keys() - {path.name for path, _ in corrupt}
+    for path in (file.path for file in contents.results):
+        with suppress(FileNotFoundError):
+            try:
+                if not {file.digest.hash for file in decode_result(path.read_bytes()).files} <= blobs:
+                    corrupt.append((path, "one of its blobs is missing"))
+            except ValueError as error:
+                corrupt.append((path, f"it cannot be read: {error}"))
+    for path, _ in corrupt:
+        path.unlink(missing_ok=True)
+    return VerifyResult(len(contents.results) + len(contents.blobs), contents.size, tuple(corrupt))
 
 
 def _age(used: float) -> str:
