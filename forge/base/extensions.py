@@ -92,6 +92,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "coverage": "forge.plugins.coverage.reporter",
         "github": "forge.plugins.ci.github",
         "gitlab": "forge.plugins.ci.gitlab",
+        "status": "forge.plugins.charts.status",
         "timings": "forge.plugins.charts.reporter",
     },
 }

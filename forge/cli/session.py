@@ -27,7 +27,6 @@ from forge.execution.runner import TaskRunner
 from forge.output.console import ConsoleReporter
 from forge.output.handlers import TEXT_HANDLERS, ReportOptions
 from forge.output.json_events import JsonEvents
-from forge.output.live import View, is_wanted, live_view
 from forge.output.logs import LogWriter, open_log
 from forge.output.reporters import Reporter, Run, Start, ask
 from forge.workspace.model import Package
@@ -45,7 +44,7 @@ class Session:
     began: float
     """The monotonic time at which the command started."""
     log: LogWriter
-    view: View
+    options: ReportOptions
     report: ConsoleReporter
     json_events: JsonEvents
     opened: ExitStack
@@ -80,11 +79,15 @@ class Session:
             profile=self.profile,
             seconds=self.durations,
             memory=memory,
+            collapsed=self.report.collapsed,
             say=lambda line: self._say([line]),
         )
+        if status := self.options.status:
+            reporters = {"status": status, **reporters}
         for name, start in reporters.items():
             self.reporters[name] = reporter = ask(name, start, run)
             self.opened.callback(ask, name, reporter.close)
+            self.report.screen = reporter.screen or self.report.screen
             self.report.folds.append(partial(ask, name, reporter.fold))
             self.report.guards.append(partial(ask, name, reporter.guard))
             self.json_events.observers.append(partial(ask, name, self._tell, reporter))
@@ -138,11 +141,10 @@ class Session:
                 record(event)
                 # The log comes first: it must be complete if a later reporter fails.
                 self.log.write(event, failed_tests=event.task in self.report.failed_tests)
-                self.view.show(event)
-                self.report.show(event)
-                self.json_events.write(event, self.report)
                 for name, reporter in self.reporters.items():
                     ask(name, reporter.follow, event)
+                self.report.show(event)
+                self.json_events.write(event, self.report)
                 failed = isinstance(event, Finished) and event.code
                 if failed and scheduler.stopped and scheduler.running and not waits:
                     waits = True
@@ -196,7 +198,6 @@ def open_session(
         for name, task in plan.tasks.items()
         if task.embedded and name in durations and name not in query.named
     )
-    live = not options.json and is_wanted(handlers)
     # Options by their names in colcon, for the log.
     values: dict[str, object] = {
         "build_base": str(layout.build),
@@ -207,13 +208,9 @@ def open_session(
         "packages_select": None if query.select is None else list(query.select),
         "packages_skip": list(query.skip),
     }
-    with (
-        closing(open_log(layout.logs, command, sys.argv, **values)) as log,
-        live_view(plan, durations, wanted=live, collapsed=collapsed) as view,
-    ):
+    with closing(open_log(layout.logs, command, sys.argv, **values)) as log:
         shown = {**handlers, **dict.fromkeys(TEXT_HANDLERS if options.json or quiet else (), False)}
         report = ConsoleReporter(plan, packages, shown, log.folder, cmake_variables)
-        report.screen = view.screen
         report.surroundings = {"flags": options.flags, **surroundings}
         report.collapsed = collapsed
         root = Path.cwd()
@@ -234,4 +231,6 @@ def open_session(
             queued = {name: {need: layout.prefix(need) for need in below} for name, below in jobs.items()}
             log.announce(queued, unselected=unselected, fresh=plan.fresh)
         with ExitStack() as opened:
-            yield Session(command, began, log, view, report, json_events, opened, durations, layout.profile)
+            yield Session(
+                command, began, log, options, report, json_events, opened, durations, layout.profile
+            )

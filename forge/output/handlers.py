@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Mapping
 
 from forge.base.errors import Problem, SelectionError, raise_if_any
@@ -87,6 +88,15 @@ class ReportOptions:
             problems.append(Problem(message, hint=hint))
         raise_if_any(problems, SelectionError)
         return {**HANDLERS, **{word[:-1]: word.endswith("+") for word in self.event_handlers}}
+
+    @property
+    def status(self) -> Start | None:
+        """Return the reporter of status lines, if they are enabled and stdout is a capable terminal."""
+        on = self.handlers
+        wanted = on["status"] and on["console_start_end"] and not on["console_direct"] and not self.json
+        dumb = os.environ.get("TERM", "") in {"", "dumb"}
+        is_shown = wanted and not dumb and sys.stdout.isatty() and is_installed(REPORTERS, "status")
+        return find_reporter("status") if is_shown else None
 
     def reporters(self, *names: str) -> dict[str, Start]:
         """Return these reporters and those of --event-handlers; raises ForgeError if one is missing."""

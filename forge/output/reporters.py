@@ -18,6 +18,7 @@ from forge.build.tasks import BuildPlan
 
 if TYPE_CHECKING:
     from forge.execution.memory import PackageMemory
+    from forge.output.console import Screen
 
 Start = Callable[["Run"], "Reporter"]
 """The function `start` of a reporter's module, called before the first package starts."""
@@ -46,6 +47,8 @@ class Run:
     """The duration of the last build of packages."""
     memory: PackageMemory | None = None
     """The memory of the packages, if they are built on this machine."""
+    collapsed: frozenset[str] = frozenset()
+    """Packages that get no separate lines unless they fail."""
     say: Callable[[str], None] = print
     """Prints a line at once."""
 
@@ -61,12 +64,18 @@ class Report:
 class Reporter:
     """Reports on one run; subclasses override what they need."""
 
+    screen: Screen | None = None
+    """Where all output is displayed, None for stdout and stderr."""
+
     def observe(self, event: Mapping[str, Any]) -> Iterable[str]:
         """Observe an event of docs/reference/events.md in the main thread; return lines to print after it."""
         return ()
 
     def follow(self, event: Event) -> None:
-        """Follow a package: its steps with their commands, and their output; in the main thread."""
+        """Follow a package: its steps with their commands, and their output; in the main thread.
+
+        Lines about the event are printed afterwards.
+        """
 
     def fold(self, title: str, block: str) -> str:
         """Return the output to display of a package that did not fail."""

@@ -140,6 +140,7 @@ def run(given: Options) -> int:
             note = f"building the tests of {counted(len(restored.tasks), 'package')} from the cache"
             print(note, file=sys.stderr if reports.json else sys.stdout, flush=True)
             with session_of(restored) as session:
+                session.start_reporters({}, restored, variables, context.python, job_pool.jobs, warn)
                 session.json_events.announce()
                 session.run(
                     restored,

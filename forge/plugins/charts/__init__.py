@@ -1,4 +1,5 @@
-"""Charts of dependency graphs, for `forge graph`, and of build times, for `forge build --timings`.
+"""What a build does and did: status lines on terminals, charts of build times and of dependency graphs.
 
-Build times are read from the events in the log folder of a build.
+The charts are those of `forge build --timings` and `forge graph`. Build times are read from the events in
+the log folder of a build.
 """

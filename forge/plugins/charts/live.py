@@ -19,9 +19,9 @@ from forge.base.graph import reduced, reverse
 from forge.base.templating import render
 from forge.base.text import duration
 from forge.build.events import Aborted, Event, Finished, Fresh, Skipped, Started
-from forge.output.live import Progress, expectations
 from forge.output.reporters import Run
 from forge.plugins.charts.graph_formats import printable
+from forge.plugins.charts.progress import Progress, expectations
 
 _HOST = "127.0.0.1"
 _PERIOD_SECONDS = 1.0
@@ -52,7 +52,7 @@ class LiveBuild:
         self._users = reverse({name: frozenset(needs) for name, needs in self._needs.items()})
         unsure = frozenset(name for name, task in tasks.items() if task.conditional)
         self._progress = Progress(
-            time.monotonic(), expectations([*tasks], run.seconds), len(tasks), unsure=unsure
+            time.monotonic(), expectations(tasks, run.seconds), len(tasks), unsure=unsure
         )
         self._outcomes: dict[str, tuple[str, str]] = {}
         self.is_followed = False

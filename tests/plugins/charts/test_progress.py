@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from forge.build.events import Aborted, Event, Finished, Fresh, Output, Skipped, Started, StepStarted
 from forge.build.tasks import Step, StepKind
-from forge.output.live import Progress, Running, counted_share, expectations, lines
+from forge.plugins.charts.progress import Progress, Running, counted_share, expectations
+from forge.plugins.charts.status import lines
 
 NAMES = st.sampled_from(["a", "b", "c", "d"])
 EVENTS = st.one_of(

@@ -10,7 +10,7 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.live import Live
 from rich.segment import Segment
 
-from forge.output.live import Above
+from forge.plugins.charts.status import Above
 
 
 class SlowConsole(Console):
