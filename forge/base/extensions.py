@@ -46,6 +46,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "fetch": "forge.plugins.fetch.command",
         "graph": "forge.plugins.charts.command",
         "ignore": "forge.plugins.ignore.command",
+        "info": "forge.plugins.info.command",
         "init": "forge.plugins.init.command",
         "lsp": "forge.plugins.lsp.command",
         "mixin": "forge.plugins.mixins.command",

@@ -77,18 +77,6 @@ def test_graph_for_graphviz_colours_edges_by_category(forge: Forge, workspace: P
     ]
 
 
-def test_info_prints_the_manifest(forge: Forge, workspace: Path) -> None:
-    assert forge("info", "c", cwd=workspace).out == (
-        "path: src/z/c\n  type: ros.ament_cmake\n  name: c\n"
-        "  dependencies:\n    build: \n    run: b\n    test: \n"
-        "  metadata:\n    maintainers: ['The tests <tests@example.com>']\n    version: 0.1.0\n"
-    )
-    ran = forge("info", "cc", "b", cwd=workspace)
-    assert ran.code == 0
-    assert ran.err == "warning: package 'cc' is not in the workspace\nhint: did you mean 'c'?\n"
-    assert forge("info", "cc", cwd=workspace).code == 2
-
-
 def test_every_command_reports_a_cycle(forge: Forge, tree: Tree) -> None:
     root = tree(
         {
@@ -131,17 +119,12 @@ def test_warnings_of_manifests_name_their_file(forge: Forge, tree: Tree) -> None
     ]
 
 
-def test_list_graph_and_info_can_print_json(forge: Forge, workspace: Path) -> None:
+def test_list_and_graph_can_print_json(forge: Forge, workspace: Path) -> None:
     rows = json.loads(forge("list", "--json", "--packages-select", "a", cwd=workspace).out)
     assert rows == [{"name": "a", "path": "src/a", "type": "ros.ament_cmake"}]
     graph = json.loads(forge("graph", "--json", "--packages-skip", "b", cwd=workspace).out)
     assert [row["name"] for row in graph["packages"]] == ["a", "p", "c"]
     assert graph["dependencies"] == [{"from": "c", "to": "a", "categories": ["run"], "direct": False}]
-    said = json.loads(forge("info", "--json", "b", cwd=workspace).out)
-    assert (said["workspace"], said["underlays"]) == (str(workspace), [])
-    assert said["python"].keys() == {"path", "version", "origin"}
-    (package,) = said["packages"]
-    assert package["dependencies"] == {"build": ["a"], "run": ["a"], "test": []}
 
 
 def test_a_graph_can_show_deselected_packages(forge: Forge, workspace: Path) -> None:

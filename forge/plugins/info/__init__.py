@@ -1,0 +1,1 @@
+"""`forge info`: shows the workspace, its interpreter and underlays, and details of packages."""
