@@ -6,7 +6,6 @@ import re
 import resource
 import shutil
 import subprocess
-import time
 from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -14,7 +13,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from tests.conftest import Forge, Ran, Tree
-from tests.packages import manifest_text
+from tests.packages import manifest_text, write_files
 from tests.testable import cmake_package, python_package
 
 pytestmark = pytest.mark.needs("cmake", "ctest", "ninja", "gcc")
@@ -88,37 +87,52 @@ def passed(forge: Forge, root: Path, **env: str | None) -> None:
     assert " cached\n" in ran.out
 
 
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("ws")
+
+
 @pytest.fixture
-def root(forge: Forge, tree: Tree) -> Path:
-    """Return a workspace with a recorded pass."""
-    found = tree(python("p"))
-    passed(forge, found)
-    return found
+def root(forge: Forge, workspace: Path) -> Path:
+    """Return a workspace with a recorded pass; only the first test has to build it."""
+    shutil.rmtree(workspace / "src", ignore_errors=True)
+    for name in ("forge.toml", "pytest.ini"):
+        (workspace / name).unlink(missing_ok=True)
+    passed(forge, write_files(workspace, python("p")))
+    return workspace
 
 
-ATTEMPTS = """import contextlib, ctypes, os, pathlib
-HERE = str(pathlib.Path(__file__).parents[3] / "away" / pathlib.Path(__file__).parents[1].name)
+def script(name: str, lines: str) -> dict[str, str]:
+    """Return a Python package with one test of unittest, which starts faster than pytest."""
+    head = f"""import os, pathlib, unittest
+HERE = pathlib.Path(__file__).parent
+BUILD = HERE.parents[2] / "build/{name}"
+AWAY = str(HERE.parents[2] / "away/{name}")
+class A(unittest.TestCase):
+  def test_a(self):
+"""
+    return {**python_package(name, f"{head}    {lines}\n", pytest=False), f"src/{name}/tests/cases/one": ""}
 
 
-def test_attempts():
-    with contextlib.suppress(OSError): os.chdir(HERE + "/no_chdir")
-    with contextlib.suppress(OSError): os.remove(HERE + "/no_remove")
-    with contextlib.suppress(OSError): os.rename(HERE + "/no_rename", HERE + "/to")
-    with contextlib.suppress(OSError): os.rmdir(HERE + "/no_rmdir")
-    with contextlib.suppress(OSError): os.link(HERE + "/no_link", HERE + "/to")
-    with contextlib.suppress(OSError): os.truncate(HERE + "/no_truncate", 0)
-    with contextlib.suppress(OSError): ctypes.CDLL(HERE + "/no_CDLL")
-    with contextlib.suppress(OSError): os.mkdir(HERE + "/yes_mkdir")
-    with contextlib.suppress(OSError): os.close(os.open(HERE + "/yes_open", os.O_CREAT | os.O_EXCL))
-    with contextlib.suppress(OSError): os.symlink("x", HERE + "/yes_symlink")
-    with contextlib.suppress(OSError): os.readlink(HERE + "/yes_readlink")
+ATTEMPTS = """import contextlib, ctypes
+    with contextlib.suppress(OSError): os.chdir(AWAY + "/no_chdir")
+    with contextlib.suppress(OSError): os.remove(AWAY + "/no_remove")
+    with contextlib.suppress(OSError): os.rename(AWAY + "/no_rename", AWAY + "/to")
+    with contextlib.suppress(OSError): os.rmdir(AWAY + "/no_rmdir")
+    with contextlib.suppress(OSError): os.link(AWAY + "/no_link", AWAY + "/to")
+    with contextlib.suppress(OSError): os.truncate(AWAY + "/no_truncate", 0)
+    with contextlib.suppress(OSError): ctypes.CDLL(AWAY + "/no_CDLL")
+    with contextlib.suppress(OSError): os.mkdir(AWAY + "/yes_mkdir")
+    with contextlib.suppress(OSError): os.close(os.open(AWAY + "/yes_open", os.O_CREAT | os.O_EXCL))
+    with contextlib.suppress(OSError): os.symlink("x", AWAY + "/yes_symlink")
+    with contextlib.suppress(OSError): os.readlink(AWAY + "/yes_readlink")
 """
 """Calls that fail, with names of what is not there, or is there."""
 
 
 def test_results_of_failed_calls_are_inputs(forge: Forge, tree: Tree) -> None:
     names = re.findall(r"(?:no|yes)_\w+", ATTEMPTS)
-    files = {path: text for name in names for path, text in python(name.lower(), ATTEMPTS).items()}
+    files = {path: text for name in names for path, text in script(name.lower(), ATTEMPTS).items()}
     files |= {f"away/{name.lower()}/{each}": "" for name in names for each in names if each.startswith("yes")}
     root = tree(files)
     passed(forge, root)
@@ -270,9 +284,7 @@ def test_nondeterministic_tests_are_not_recorded(forge: Forge, tree: Tree) -> No
     names = {kind.replace(" ", "_").replace(",", ""): kind for kind in NOT_RECORDED}
     files: dict[str, str] = {"static.c": "int main(void) { return 0; }\n"}
     for name, kind in names.items():
-        head = "import os, pathlib\nHERE = pathlib.Path(__file__).parent\n"
-        head += f"BUILD = HERE.parents[2] / 'build/{name}'\n"
-        files |= python(name, f"{head}def test_a():\n    {NOT_RECORDED[kind][0]}\n")
+        files |= script(name, NOT_RECORDED[kind][0])
     root = tree(files)
     for name in names:
         program = root / "src" / name / "tests/static"
@@ -362,34 +374,31 @@ def test_unittest_packages_are_cached_with_their_dependencies(forge: Forge, buil
 
 
 LISTS = """cmake_minimum_required(VERSION 3.18)
-project(c CXX)
+project(c C)
 find_package(ament_cmake REQUIRED)
-find_package(ament_cmake_gtest REQUIRED)
 find_package(ament_cmake_pytest REQUIRED)
-ament_add_gtest(unit unit.cpp)
+add_executable(unit unit.c)
+ament_add_test(unit COMMAND $<TARGET_FILE:unit> GENERATE_RESULT_FOR_RETURN_CODE_ZERO)
 ament_add_pytest_test(more more.py)
 add_test(NAME plain COMMAND ${CMAKE_COMMAND} -E compare_files a b WORKING_DIRECTORY ${CMAKE_SOURCE_DIR})
 ament_package()
 """
-UNIT = """#include <gtest/gtest.h>
-#include <fstream>
-TEST(Unit, reads) {
-  std::ifstream file("%s/number.txt");
+UNIT = """#include <stdio.h>
+int main(void) {
   int number = 0;
-  file >> number;
-  EXPECT_EQ(number, 1);
+  FILE *file = fopen("%s/number.txt", "r");
+  return file && fscanf(file, "%%d", &number) == 1 ? number != 1 : 2;
 }
 """
 
 
-@pytest.mark.needs("g++")
 def test_ament_cmake_packages_are_cached_with_another_result_folder(
     forge: Forge, tree: Tree, tmp_path: Path
 ) -> None:
     base = ("--test-result-base", "results")
     folder = tmp_path / "src/c"
-    depends = [f"<depend>ament_cmake{each}</depend>" for each in ("", "_gtest", "_pytest")]
-    files = {"CMakeLists.txt": LISTS, "unit.cpp": UNIT % folder, "more.py": "def test_more(): pass\n"}
+    depends = [f"<depend>ament_cmake{each}</depend>" for each in ("", "_pytest")]
+    files = {"CMakeLists.txt": LISTS, "unit.c": UNIT % folder, "more.py": "def test_more(): pass\n"}
     files |= {"package.xml": manifest_text("c", *depends), "a": "", "b": "", "number.txt": "1\n"}
     root = tree({f"src/c/{name}": text for name, text in files.items()})
     assert forge("build", *base, cwd=root).code == 0
@@ -402,7 +411,7 @@ def test_ament_cmake_packages_are_cached_with_another_result_folder(
 
     assert tested()[0] == "tests ran: no run is recorded"
     assert tested() == ("cached", "3 tests, 0 errors, 0 failures, 0 skipped\n")
-    (junit,) = (root / "results").rglob("unit.gtest.xml")
+    (junit,) = (root / "results").rglob("unit.xml")
     assert len(ET.parse(junit).findall(".//property[@name='cached']")) == 1
     assert tested() == ("cached", "3 tests, 0 errors, 0 failures, 0 skipped\n")
     for name in ("a", "b"):
@@ -415,7 +424,7 @@ def test_ament_cmake_packages_are_cached_with_another_result_folder(
     (folder / "number.txt").write_text("2\n")
     assert tested()[0] == "with test failures"
     (folder / "number.txt").write_text("1\n")
-    (folder / "unit.cpp").write_text((UNIT % folder) + "TEST(Unit, fails) { FAIL(); }\n")
+    (folder / "unit.c").write_text("int main(void) { return 1; }\n")
     assert forge("build", *base, cwd=root).code == 0
     assert tested()[0] == "with test failures"
 
@@ -430,13 +439,19 @@ def test_a_timeout_is_not_a_pass(forge: Forge, built: Tree) -> None:
 
 
 def test_an_edit_during_a_test_run_is_detected(forge: Forge, built: Tree) -> None:
-    root = built(python("p", CODE + "\n\ndef test_wait():\n    import time; time.sleep(1)\n"))
-    data = root / "src/p/tests/data/number.txt"
-    late = subprocess.Popen(["sh", "-c", f"sleep 0.9; echo 2 > '{data}'"])
-    began = time.monotonic()
-    run(forge, root)
-    late.wait()
-    assert time.monotonic() - began > 1
+    test = """import pathlib, time
+HERE = pathlib.Path(__file__).parent
+def test_a():
+    data = HERE / "data/number.txt"
+    assert data.read_text() == "1\\n"
+    (HERE.parents[2] / "build/p/started").touch()
+    while data.read_text() != "2\\n":
+        time.sleep(0.01)
+"""
+    root = built(python("p", test))
+    wait = "until [ -e build/p/started ]; do sleep 0.05; done; echo 2 > src/p/tests/data/number.txt"
+    with subprocess.Popen(["sh", "-c", wait], cwd=root):
+        assert "with test failures" not in run(forge, root).out
     assert "with test failures" in run(forge, root).out
 
 
