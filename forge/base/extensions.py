@@ -81,6 +81,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
     OPTIONS: {
         "audit": "forge.plugins.audit.audit",
         "cached": "forge.plugins.cached_tests.cached",
+        "compile_commands": "forge.plugins.compile_commands.merging",
         "compiler-launcher": "forge.plugins.compiler_launchers.statistics",
         "mixin": "forge.plugins.mixins.mixins",
         "packages-select-changed": "forge.plugins.git_changes.changes",

@@ -15,7 +15,6 @@ from forge.base.errors import WorkspaceError, print_problem, raise_if_any
 from forge.base.extensions import OPTIONS, find, is_installed
 from forge.base.frozen import Pairs
 from forge.base.layout import MEMORY_FILE, OWN_CACHE_DIR, PROGRAMS_DIR
-from forge.build.compile_commands import merge_compile_commands
 from forge.build.events import Event
 from forge.build.recipes.cmake import common_arguments
 from forge.build.recipes.extensions import active_extensions
@@ -165,8 +164,8 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
         finally:
             packages_memory.close()
             state.finish(plan, build.variables)
-            if options.report.handlers["compile_commands"]:
-                merge_compile_commands(context.layout.build)
+            if options.report.handlers["compile_commands"] and is_installed(OPTIONS, "compile_commands"):
+                find(OPTIONS, "compile_commands", "option").merge_compile_commands(context.layout.build)
             mode.warn(lifecycle.kept)
             session.report.launcher_summaries = launcher_stats.finish()
             if cache is not None:

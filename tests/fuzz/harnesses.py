@@ -18,7 +18,6 @@ from forge.base.errors import ForgeError, InterfaceError
 from forge.base.files import write_if_changed
 from forge.base.layout import Layout
 from forge.build.build_dir import last_record, prepare_build_dir
-from forge.build.compile_commands import merge_compile_commands
 from forge.build.inputs.fingerprints import FileTable
 from forge.build.inputs.native_graph import read_native_graph, reported_inputs
 from forge.build.installed_lists import listed_files
@@ -50,6 +49,7 @@ from forge.interfaces.read.sources import Library, read_source
 from forge.interfaces.resolve.resolution import resolve
 from forge.interfaces.schema import read_schema
 from forge.interfaces.writing import read_states
+from forge.plugins.compile_commands.merging import merge_compile_commands
 from forge.plugins.mixins.mixins import combined, read_mixins
 from forge.plugins.remote_cache import action_result as action_results
 from forge.testing.collecting import collect

@@ -11,13 +11,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from forge.base.errors import Problem, SelectionError, WorkspaceError, print_warnings, raise_if_any
+from forge.base.extensions import OPTIONS, find, is_installed
 from forge.base.frozen import frozen
 from forge.base.layout import Layout, forge_command
 from forge.base.names import did_you_mean
 from forge.base.options import flag, option, options_of
 from forge.base.text import counted, listed
 from forge.build import cleaning
-from forge.build.compile_commands import merge_compile_commands
 from forge.build.folder_marks import bases_of, is_own_build_base, is_own_install_base, recorded_layout
 from forge.build.installation import finish_workspace
 from forge.build.journal import Journal, open_journal
@@ -109,8 +109,8 @@ def run(options: Options) -> int:
         # forge's setup scripts name the packages; colcon's search the folder.
         if python := recorded_state(layout.install).python:
             finish_workspace(layout, (), Path(python))
-        if is_own_build_base(layout.build):
-            merge_compile_commands(layout.build, force=True)
+        if is_own_build_base(layout.build) and is_installed(OPTIONS, "compile_commands"):
+            find(OPTIONS, "compile_commands", "option").merge_compile_commands(layout.build, force=True)
     return 0
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 
-from forge.build.compile_commands import merge_compile_commands
+from forge.plugins.compile_commands.merging import merge_compile_commands
 from tests.conftest import Tree
 
 
