@@ -34,6 +34,7 @@ UNDERLAYS = "forge.underlays"
 CACHES = "forge.caches"
 OPTIONS = "forge.options"
 HINTS = "forge.hints"
+SUGGESTIONS = "forge.suggestions"
 
 OWN: Mapping[str, Mapping[str, str]] = {
     COMMANDS: {
@@ -90,6 +91,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
     },
     RECIPES: {"fast_rosidl": "forge.plugins.fast_rosidl.recipe"},
     HINTS: {"failures": "forge.plugins.failure_hints.hints"},
+    SUGGESTIONS: {"words": "forge.plugins.suggestions.suggestions"},
     REPORTERS: {
         "coverage": "forge.plugins.coverage.reporter",
         "github": "forge.plugins.ci.github",
@@ -208,6 +210,17 @@ def checked(what: str, function: Callable[..., _Result], wanted: type[_Result]) 
         return result
 
     return run
+
+
+def first_answer(group: str, kind: str, function: str, *arguments: object) -> str:
+    """Return the first answer but '' of the plugins of a group; forge's own plugins are asked first."""
+    for name in (*installed(group), *entry_points(group)):
+        ask: Callable[..., str] = getattr(find(group, name, kind, (function,)), function)
+        if name not in OWN[group]:
+            ask = checked(f"the {kind} '{name}'", ask, str)
+        if answer := ask(*arguments):
+            return answer
+    return ""
 
 
 def distribution_of(entry: EntryPoint) -> str:

@@ -26,7 +26,7 @@ from forge.base.errors import (
     share_hints,
 )
 from forge.base.extensions import COMMANDS as PLUGINS
-from forge.base.extensions import OWN, call, find, installed
+from forge.base.extensions import OWN, SUGGESTIONS, call, find, first_answer, installed
 from forge.base.layout import docs_url, templates_folder
 from forge.base.signals import handle_signals, interrupt, is_writable
 from forge.cli.colcon_options import classified
@@ -255,9 +255,11 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print the error with a suggestion or a pointer to --help, and exit with code 2."""
-        from forge.cli.suggest import suggestion
-
-        message, hint = suggestion(message, COMMANDS, self._option_string_actions)
+        options = frozenset(self._option_string_actions)
+        hint = first_answer(SUGGESTIONS, "source of suggestions", "suggestion", message, COMMANDS, options)
+        _, quoted, rest = message.partition("argument COMMAND: invalid choice: '")
+        if quoted:
+            message = "unknown command '{}'".format(rest.partition("'")[0])
         kind = "commands" if "command '" in message else "verbs" if message.endswith(" VERB") else "options"
         print_problem(Problem(message, hint=hint or f"'{self.prog} --help' lists all {kind}"))
         raise SystemExit(EXIT_USER)

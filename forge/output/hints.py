@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from forge.base.extensions import HINTS, OWN, checked, entry_points, find, installed
+from forge.base.extensions import HINTS, first_answer
 from forge.workspace.model import Package
 
 
@@ -41,11 +41,4 @@ class HintExtension(Protocol):
 
 def hint_of(failure: Failure) -> str:
     """Return the first hint of a plugin, '' if there is none; forge's own plugins are asked first."""
-    for name in (*installed(HINTS), *entry_points(HINTS)):
-        extension: HintExtension = find(HINTS, name, "source of hints", ("hint",))
-        ask = extension.hint
-        if name not in OWN[HINTS]:
-            ask = checked(f"the source of hints '{name}'", ask, str)
-        if hint := ask(failure):
-            return hint
-    return ""
+    return first_answer(HINTS, "source of hints", "hint", failure)

@@ -377,6 +377,23 @@ def test_a_third_party_hint_is_used_if_no_other_is_known(
         assert "\nhints (entry points 'forge.hints'):\n" in run_forge(root, "extensions", path=root).stdout
 
 
+def test_a_third_party_suggestion_is_used_if_no_other_is_known(
+    tree: Tree, forge_without: Callable[[str], Path]
+) -> None:
+    (code,) = (block.text for block in blocks(PAGE) if block.mark == "write: forge_old_words.py")
+    metadata = distribution("old", "forge.suggestions", "old = forge_old_words")
+    root = tree({"forge_old_words.py": code, **metadata})
+    path = Path(f"{root}:{forge_without('suggestions')}")
+    ran = run_forge(root, "build", "--everything", path=path)
+    message = (
+        "error: unrecognized arguments: --everything\nhint: leave it out: 'forge build' builds all packages\n"
+    )
+    assert (ran.returncode, ran.stderr) == (2, message)
+    ran = run_forge(root, "biuld", path=path)
+    assert ran.stderr == "error: unknown command 'biuld'\nhint: 'forge --help' lists all commands\n"
+    assert "hint: did you mean 'build'?" in run_forge(root, "biuld", path=root).stderr
+
+
 def test_an_error_in_a_third_party_command_has_a_location(tree: Tree) -> None:
     code = "def register(parser): pass\ndef run(options):\n    return 1 / 0\n"
     root = tree({"broken.py": code, **distribution("broken", "forge.commands")})

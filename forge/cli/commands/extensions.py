@@ -30,6 +30,7 @@ def run(_: Options) -> int:
         ("event handlers", handlers, ""),
         ("reporters", (), groups.REPORTERS),
         ("hints", (), groups.HINTS),
+        ("suggestions", (), groups.SUGGESTIONS),
         ("executors", EXECUTORS, groups.EXECUTORS),
         ("shells", SHELLS, ""),
     ):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Collection
 
 from forge.base.names import did_you_mean, nearest
 
@@ -41,41 +41,35 @@ _BUILD_TYPES = {
 """Options of other build tools for CMake's build type."""
 
 
-def suggestion(message: str, commands: Iterable[str], options: Iterable[str]) -> tuple[str, str | None]:
-    """Return a shorter form of argparse's error message, and a suggestion.
-
-    `options` are the options of the parser that reports the error.
-    """
+def suggestion(message: str, commands: Collection[str], options: Collection[str]) -> str:
+    """Return what to type instead of a command line that argparse rejected, '' if unknown."""
     command, choice, unknown = (pattern.match(message) for pattern in (_COMMAND, _CHOICE, _UNKNOWN))
     if command:
         word = command[1]
-        hint = did_you_mean(word, commands)
         if word in _ELSEWHERE:
-            hint = f"did you mean 'forge {_ELSEWHERE[word]}'?"
+            return f"did you mean 'forge {_ELSEWHERE[word]}'?"
         if word in _ROS2:
-            hint = f"'ros2' has it: forge shell -- ros2 {word}; it is part of a ROS installation, "
-            hint += f"and of the packages that 'forge fetch ros2{word}' fetches"
+            return (
+                f"'ros2' has it: forge shell -- ros2 {word}; it is part of a ROS installation, "
+                f"and of the packages that 'forge fetch ros2{word}' fetches"
+            )
         if word == "cd":
-            hint = "a program cannot change the folder of its shell; 'forge completion' defines 'forge_cd'"
-        return f"unknown command '{word}'", hint
+            return "a program cannot change the folder of its shell; 'forge completion' defines 'forge_cd'"
+        return did_you_mean(word, commands) or ""
     if choice:
-        return message, did_you_mean(choice[1], (word.strip("'") for word in choice[2].split(", ")))
-    if unknown:
-        return message, _instead(unknown[1], frozenset(options))
-    return message, None
+        return did_you_mean(choice[1], (word.strip("'") for word in choice[2].split(", "))) or ""
+    return _instead(unknown[1], options) if unknown else ""
 
 
-def _instead(argument: str, options: frozenset[str]) -> str | None:
+def _instead(argument: str, options: Collection[str]) -> str:
     word = argument.partition("=")[0]
-    if word[0] in _DASHES:
+    if word.startswith(tuple(_DASHES)):
         name = word.lstrip(f"-{_DASHES}")
         meant = f"-{name}" if len(name) == 1 else f"--{name}"
-        correction = (
-            meant if meant in options else (_instead(meant, options) or "").partition("'")[2].rstrip("'?")
-        )
+        correction = meant if meant in options else _instead(meant, options).partition("'")[2].rstrip("'?")
         return f"'{word[0]}' is not '-': write '{correction or meant}'"
     if not word.startswith("-"):
-        return f"to select packages: '{_SELECT} {word}'" if _SELECT in options else None
+        return f"to select packages: '{_SELECT} {word}'" if word and _SELECT in options else ""
     if word.startswith("-D") and _CMAKE_ARGS in options:
         return f"to define a variable of CMake: '{_CMAKE_ARGS} {argument}'"
     if word in _BUILD_TYPES and _CMAKE_ARGS in options:
@@ -83,4 +77,4 @@ def _instead(argument: str, options: frozenset[str]) -> str | None:
     # With their common dashes, short options would be similar to each other.
     names = {option.lstrip("-"): option for option in options if option.startswith("--")}
     near = nearest(word.lstrip("-"), names)
-    return f"did you mean '{names[near]}'?" if near else None
+    return f"did you mean '{names[near]}'?" if near else ""

@@ -44,6 +44,7 @@ LINK = "'{}' is not '-': write '--symlink-install'"
             "to define a variable of CMake: '--cmake-args -DA:STRING=1'",
         ),
         ("test --release", "unrecognized arguments: --release", "'forge test --help' lists all options"),
+        ("build =x", "unrecognized arguments: =x", ALL_OF_BUILD),
         ("build --frobnicate", "unrecognized arguments: --frobnicate", ALL_OF_BUILD),
         ("build --jobs many", "argument -j/--jobs: 'many' is not a positive number of jobs", ALL_OF_BUILD),
         (
