@@ -1,8 +1,8 @@
 """`@frozen` is `@dataclass(frozen=True, slots=True)`, but three times as fast to create.
 
-dataclass compiles up to eight small functions per class; for the fifty classes of an up-to-date build this
-took a sixth of its time. Here only `__init__` is compiled, all other methods are shared. `replace`, `fields`,
-`asdict`, patterns and type checkers treat the result as an ordinary dataclass.
+dataclass compiles up to eight small functions per class; for the classes of an up-to-date build this took a
+sixth of its time. Here only `__init__` is compiled, when the class gets its first object; all other methods
+are shared. `replace`, `fields`, `asdict`, patterns and type checkers see an ordinary dataclass.
 """
 
 from __future__ import annotations
@@ -36,9 +36,14 @@ def frozen(cls: type[_Class]) -> type[_Class]:
     cls.__doc__ = cls.__doc__ or cls.__name__
     dataclass_type: Any = dataclass(init=False, repr=False, eq=False, slots=True)(cls)
     own: tuple[Field[Any], ...] = tuple(dataclass_type.__dataclass_fields__.values())
-    dataclass_type.__init__ = _initializer(own, calls_post_init=hasattr(dataclass_type, "__post_init__"))
     compared = _reader([f.name for f in own if f.compare])
     hashed = _reader([f.name for f in own if (f.compare if f.hash is None else f.hash)])
+
+    def __init__(self: Any, *arguments: Any, **named: Any) -> None:
+        # Half of the classes that a command imports never have an object in it.
+        compiled = _initializer(own, calls_post_init=hasattr(dataclass_type, "__post_init__"))
+        dataclass_type.__init__ = compiled
+        compiled(self, *arguments, **named)
 
     def __eq__(self: Any, other: object) -> bool:
         return compared(self) == compared(other) if other.__class__ is self.__class__ else NotImplemented
@@ -46,11 +51,9 @@ def frozen(cls: type[_Class]) -> type[_Class]:
     def __hash__(self: Any) -> int:
         return hash((self.__class__, hashed(self)))
 
-    dataclass_type.__eq__, dataclass_type.__hash__, dataclass_type.__repr__ = (
-        __eq__,
-        __hash__,
-        _representation,
-    )
+    dataclass_type.__init__ = __init__
+    dataclass_type.__eq__, dataclass_type.__hash__ = __eq__, __hash__
+    dataclass_type.__repr__ = _representation
     dataclass_type.__setattr__ = dataclass_type.__delattr__ = _refuse
     dataclass_type.__getstate__, dataclass_type.__setstate__ = _state, _restore
     return dataclass_type  # type: ignore[no-any-return]  # (the class itself, with slots)

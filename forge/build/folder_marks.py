@@ -348,9 +348,14 @@ def folder_problems(
     is_own_install = prefixes and is_own_install_base(layout.install)
     for name in names:
         folders = []
-        if not _is_plain(f"{layout.build}/{name}", SCRATCH_DIR):
+        build, prefix = f"{layout.build}/{name}", f"{layout.install}/{name}"
+        if not _is_plain(build, SCRATCH_DIR) and os.path.lexists(build):
             folders.append(("build", layout.build_dir(name)))
-        if prefixes and not (is_own_install and _is_plain(f"{layout.install}/{name}", f"{PACKAGES}/{name}")):
+        if (
+            prefixes
+            and not (is_own_install and _is_plain(prefix, f"{PACKAGES}/{name}"))
+            and os.path.lexists(prefix)
+        ):
             folders.append(("install", layout.prefix(name)))
         for kind, folder in folders:
             hint = f"move it away, or choose another folder with '--{kind}-base'"

@@ -410,8 +410,10 @@ class ConsoleReporter:
             return
         self._names["embedded" if self._embedded(task) else "finished"].add(task)
         self._output.pop(task, None)
-        failures = self.screen.palette().paint("failure", TEST_FAILURES)
-        remark = f"\t[ with {failures} ]" if task in self.failed_tests else ""
+        palette = self.screen.palette()
+        remark = ""
+        if task in self.failed_tests:
+            remark = f"\t[ with {palette.paint('failure', TEST_FAILURES)} ]"
         if event.cache == RESTORED:
             self._names["restored"].add(task)
             remark = f"\t[ {RESTORED} ]"
@@ -420,7 +422,7 @@ class ConsoleReporter:
         if event.cache == CACHED or (event.cache.startswith(NOT_CACHED) and not remark):
             remark = f"\t[ {event.cache} ]"
         if task not in self.collapsed:
-            verb = self.screen.palette().paint("success", "Finished")
+            verb = palette.paint("success", "Finished")
             self._progress(f"{verb} <<< {self._label(task)} [{duration(event.seconds)}]{remark}")
 
     def _fail(self, event: Finished, shown: str) -> None:
