@@ -16,6 +16,8 @@ from typing import Protocol
 
 import pytest
 
+from tests.packages import write_files
+
 collect_ignore = ["shapes"]
 """Packages with tests of their own."""
 
@@ -151,12 +153,17 @@ def interfaces(embedded: Path) -> Path:
 @pytest.fixture
 def ament(tmp_path: Path, embedded: Path) -> Ament:
     """Make projects that see the build tools and, if they are installed, each other."""
-    prefixes = [embedded]
+    return projects_in(tmp_path, embedded)
+
+
+def projects_in(folder: Path, *others: Path) -> Ament:
+    """Return what makes projects in a folder, which see each other and what is in other prefixes."""
+    prefixes = [*others]
 
     def make(
         commands: str, name: str = "demo", *, manifest: str = "", files: Mapping[str, str] | None = None
     ) -> Project:
-        source = tmp_path / "src" / name
+        source = folder / "src" / name
         language = "CXX" if files and any(path.endswith(".cpp") for path in files) else "NONE"
         lists = f"cmake_minimum_required(VERSION 3.5...3.25)\nproject({name} {language})\n"
         lists += f"find_package(ament_cmake REQUIRED)\n{commands}\n"
@@ -165,11 +172,9 @@ def ament(tmp_path: Path, embedded: Path) -> Ament:
             "package.xml": MANIFEST.format(name=name, lines=manifest),
             **(files or {}),
         }
-        for path, text in texts.items():
-            (source / path).parent.mkdir(parents=True, exist_ok=True)
-            (source / path).write_text(text, encoding="utf-8")
-        prefix = tmp_path / "install" / name
-        project = Project(source, tmp_path / "build" / name, prefix, tuple(prefixes))
+        write_files(source, texts)
+        prefix = folder / "install" / name
+        project = Project(source, folder / "build" / name, prefix, tuple(prefixes))
         prefixes.insert(0, prefix)
         return project
 

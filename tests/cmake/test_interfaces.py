@@ -6,12 +6,11 @@ import os
 import subprocess
 import sys
 import sysconfig
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from .conftest import PYTHON_VERSION, Ament, Project
+from .conftest import PYTHON_VERSION, Ament, Project, projects_in
 
 pytestmark = [pytest.mark.needs("cmake"), pytest.mark.needs("ninja")]
 cxx = pytest.mark.needs("g++")
@@ -39,34 +38,35 @@ int main() {
   return status.code + static_cast<int>(request.distance + goal.distance);
 }
 """
+STATUS = "#include <motion/msg/http_status.hpp>\nint main() { return motion::msg::HTTPStatus().code; }\n"
 
 
 @pytest.fixture
-def rosidl(ament: Ament, interfaces: Path) -> Ament:
+def rosidl(tmp_path: Path, embedded: Path, interfaces: Path) -> Ament:
     """Make projects that also see the standard interfaces."""
-
-    def make(commands: str, name: str = "demo", **more: object) -> Project:
-        project = ament(commands, name, **more)  # type: ignore[arg-type]
-        return replace(project, prefixes=(*project.prefixes, interfaces))
-
-    return make
+    return projects_in(tmp_path, embedded, interfaces)
 
 
-@pytest.fixture
-def motion(rosidl: Ament) -> Project:
-    """Make a package with a message, a service and an action; nobody declares action_msgs."""
-    return rosidl(
+@pytest.fixture(scope="module")
+def motion(tmp_path_factory: pytest.TempPathFactory, embedded: Path, interfaces: Path) -> Project:
+    """Install a package with a message, a service and an action; nobody declares action_msgs."""
+    return projects_in(tmp_path_factory.mktemp("motion"), embedded, interfaces)(
         f"{GENERATORS}find_package(std_msgs REQUIRED)\n"
         "rosidl_generate_interfaces(${PROJECT_NAME}\n  msg/HTTPStatus.msg srv/Move.srv action/Walk.action\n"
         "  DEPENDENCIES std_msgs ADD_LINTER_TESTS)\nament_package()",
         name="motion",
         manifest=MEMBER,
         files=DEFINITIONS,
-    )
+    ).install()
+
+
+@pytest.fixture
+def user(tmp_path: Path, embedded: Path, interfaces: Path, motion: Project) -> Ament:
+    """Make projects that see that package."""
+    return projects_in(tmp_path, embedded, interfaces, motion.prefix)
 
 
 def test_interfaces_are_installed_in_the_ros_layout(motion: Project) -> None:
-    motion.install()
     files = motion.files()
     assert {file for file in files if file.startswith("include/")} == {
         "include/motion/motion/msg/rosidl_generator_c__visibility_control.h",
@@ -104,37 +104,38 @@ def test_interfaces_are_installed_in_the_ros_layout(motion: Project) -> None:
 
 
 @cxx
-def test_users_can_link_any_documented_target(rosidl: Ament, motion: Project) -> None:
-    motion.install()
-    user = rosidl(
+def test_users_can_link_any_documented_target(user: Ament) -> None:
+    project = user(
         "find_package(motion REQUIRED)\n"
         "add_executable(by_ament main.cpp)\nament_target_dependencies(by_ament motion)\n"
-        "add_executable(by_target main.cpp)\n"
+        "add_executable(by_target status.cpp)\n"
         "target_link_libraries(by_target motion::motion__rosidl_typesupport_cpp)\n"
-        "add_executable(by_name main.cpp)\ntarget_link_libraries(by_name motion::motion)\n"
-        "add_executable(by_list main.cpp)\ntarget_link_libraries(by_list ${motion_TARGETS})\n"
-        "add_executable(classic main.cpp)\n"
+        "add_executable(by_name status.cpp)\ntarget_link_libraries(by_name motion::motion)\n"
+        "add_executable(by_list status.cpp)\ntarget_link_libraries(by_list ${motion_TARGETS})\n"
+        "add_executable(classic status.cpp)\n"
         "target_include_directories(classic PRIVATE ${motion_INCLUDE_DIRS})\n"
         'message(STATUS "recursive=${motion_RECURSIVE_DEPENDENCIES}")\n'
         'message(STATUS "idl=${motion_IDL_FILES}")\nmessage(STATUS "interfaces=${motion_INTERFACE_FILES}")\n'
         'message(STATUS "kind=${motion_TARGETS__rosidl_generator_cpp}")',
         name="user",
-        files={"main.cpp": MAIN},
+        files={"main.cpp": MAIN, "status.cpp": STATUS},
     )
-    outcome = user.configure("-DCMAKE_CXX_FLAGS=-Wall -Wextra -Wpedantic -Werror")
+    outcome = project.configure("-DCMAKE_CXX_FLAGS=-Wall -Wextra -Wpedantic -Werror")
     assert outcome.code == 0, outcome.text
     assert {"std_msgs", "builtin_interfaces", "action_msgs"} <= set(outcome.said("recursive").split(";"))
     assert outcome.said("idl") == "msg/HTTPStatus.idl;srv/Move.idl;action/Walk.idl"
     assert outcome.said("interfaces") == "msg/HTTPStatus.msg;srv/Move.srv;action/Walk.action"
     assert outcome.said("kind") == "motion::motion__rosidl_generator_cpp"
-    user.make()
+    project.make()
 
 
 @cxx
 def test_the_aggregate_target_is_available_in_the_defining_project(rosidl: Ament) -> None:
     demo = rosidl(
         f"{GENERATORS}rosidl_generate_interfaces(demo msg/One.msg)\n"
-        "add_executable(one one.cpp)\ntarget_link_libraries(one demo::demo)\nament_package()",
+        "add_executable(one one.cpp)\ntarget_link_libraries(one demo::demo)\n"
+        "add_executable(two one.cpp)\ntarget_link_libraries(two demo::demo__rosidl_generator_cpp)\n"
+        "ament_package()",
         manifest=MEMBER,
         files={
             "msg/One.msg": "uint8 a\n",
@@ -164,10 +165,9 @@ def test_a_library_may_have_the_name_of_a_project_with_interfaces(rosidl: Ament)
 
 
 @pytest.mark.needs("gcc")
-def test_c_programs_can_link_the_c_targets(rosidl: Ament, motion: Project) -> None:
+def test_c_programs_can_link_the_c_targets(user: Ament) -> None:
     """In the project that defines the interfaces, and in one that uses them; no C++ is needed."""
-    motion.install()
-    user = rosidl(
+    project = user(
         "enable_language(C)\nset(CMAKE_C_STANDARD 99)\nset(CMAKE_C_EXTENSIONS OFF)\n"
         f"{GENERATORS}find_package(motion REQUIRED)\n"
         "rosidl_generate_interfaces(more msg/Path.msg DEPENDENCIES motion)\n"
@@ -187,15 +187,14 @@ def test_c_programs_can_link_the_c_targets(rosidl: Ament, motion: Project) -> No
             "int main(void) { Goal goal; return !motion__action__Walk_Goal__init(&goal); }\n",
         },
     )
-    outcome = user.configure("-DCMAKE_C_FLAGS=-Wall -Wextra -Wpedantic -Werror")
+    outcome = project.configure("-DCMAKE_C_FLAGS=-Wall -Wextra -Wpedantic -Werror")
     assert outcome.code == 0, outcome.text
-    user.make("-j2")
+    project.make("-j2")
     for program in ("inside", "by_target", "by_ament"):
-        assert subprocess.run([user.build / program], check=False).returncode == 0
+        assert subprocess.run([project.build / program], check=False).returncode == 0
 
 
 def test_installed_interfaces_can_be_imported_in_python(motion: Project) -> None:
-    motion.install()
     paths = os.pathsep.join(str(prefix / SITE) for prefix in (motion.prefix, *motion.prefixes))
     code = (
         "from motion.msg import HTTPStatus; from motion.action import Walk; print(HTTPStatus.OK, Walk.Goal())"
@@ -270,8 +269,6 @@ def test_programs_of_the_same_project_depend_on_generated_code(rosidl: Ament, ge
         'message(STATUS "typesupport=${typesupport}")\nmessage(STATUS "none=${none}")\n'
         "add_executable(one one.cpp)\ntarget_link_libraries(one ${typesupport})\n"
         "add_executable(two two.cpp)\nrosidl_target_interfaces(two demo_interfaces rosidl_typesupport_cpp)\n"
-        "add_executable(three one.cpp)\n"
-        "target_link_libraries(three demo::demo_interfaces__rosidl_generator_cpp)\n"
         "ament_package()",
         manifest=MEMBER,
         files={

@@ -16,7 +16,7 @@ from tests.cmake.conftest import ROOT
 from tests.conftest import Golden
 
 SHAPES = Path(__file__).parent / "shapes"
-MESSAGES = int(os.environ.get("FORGE_TEST_MESSAGES", "260"))
+MESSAGES = int(os.environ.get("FORGE_TEST_MESSAGES", "120"))
 BUILD_TOOLS = ("ament_cmake", "ament_lint_auto", "rosidl_default_generators")
 PYTHON = f"python{sys.version_info.major}.{sys.version_info.minor}"
 
@@ -89,9 +89,10 @@ def copied(tmp_path_factory: pytest.TempPathFactory) -> Built:
 
 @pytest.fixture(scope="module")
 def linked(tmp_path_factory: pytest.TempPathFactory) -> Built:
-    """Build without tests, by links, into one prefix; with a few of the many messages."""
+    """Build without tests, by links, into one prefix; with a few of the many messages and of the users."""
     root = tmp_path_factory.mktemp("linked")
-    return _workspace(root, 8, "--symlink-install", "--merge-install", "--cmake-args", "-DBUILD_TESTING=OFF")
+    arguments = ("--cmake-args", "-DBUILD_TESTING=OFF", "-DUSERS_OF=late_lib;sample_msgs;gate")
+    return _workspace(root, 8, "--symlink-install", "--merge-install", *arguments)
 
 
 @pytest.mark.newest_cmake
@@ -173,7 +174,9 @@ def test_symlink_installs_without_tests_work(linked: Built) -> None:
     header = linked.root / "install/include/late_lib/late_lib/late.hpp"
     assert header.is_symlink() == installs_links
     assert (linked.root / "install/lib/liblate_lib.so").is_symlink() == installs_links
-    for program in sorted((linked.root / "install/lib/users").iterdir()):
+    programs = sorted((linked.root / "install/lib/users").iterdir())
+    assert len(programs) == 6
+    for program in programs:
         linked.run(str(program), sourced=True)
     for name in linked.packages:
         assert "Total Tests: 0" in linked.ctest(name, "-N"), name
