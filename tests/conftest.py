@@ -197,7 +197,7 @@ def forge(capfd: pytest.CaptureFixture[str], detected_compilers: Path | None) ->
 
     def run(*argv: str, cwd: Path | None = None, env: Variables | None = None) -> Ran:
         capfd.readouterr()
-        with _surroundings(cwd, env or {}), _detecting_once(detected_compilers):
+        with surroundings(cwd, env or {}), _detecting_once(detected_compilers):
             try:
                 code = main(argv)
             except SystemExit as leaving:  # argparse leaves this way, after --help and after mistakes
@@ -384,7 +384,7 @@ def _detecting_once(results: Path | None) -> Iterator[None]:
 
 
 @contextmanager
-def _surroundings(cwd: Path | None, env: Variables) -> Iterator[None]:
+def surroundings(cwd: Path | None, env: Variables) -> Iterator[None]:
     """Change the working folder and the environment for a while."""
     with pytest.MonkeyPatch.context() as changes:
         for name in [name for name in os.environ if name.startswith(_FOREIGN)]:

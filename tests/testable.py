@@ -1,6 +1,12 @@
-"""Packages with tests, which cost little to build: for forge's own tests of `forge test`."""
+"""Packages with tests, which cost little to build, and workspaces that are built once for many tests."""
 
-from tests.packages import manifest_text
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+
+from forge.cli.main import main
+from tests.conftest import surroundings
+from tests.packages import manifest_text, write_files
 
 CMAKE = """cmake_minimum_required(VERSION 3.18)
 project({name} NONE)
@@ -66,3 +72,27 @@ class Values(unittest.TestCase):
     def test_bad(self):
         self.assertEqual({name}.VALUE, 2)
 """
+
+
+def built_once(root: Path, files: Mapping[str, str], *options: str) -> Path:
+    """Write a workspace and build it; `restored` brings it back."""
+    run_forge(write_files(root, files), "build", *options)
+    save(root, "built")
+    return root
+
+
+def run_forge(root: Path, *words: str) -> None:
+    """Run a command that must succeed as the fixture `forge` does, for fixtures that live longer."""
+    with surroundings(root, {}):
+        assert main(words) == 0
+
+
+def save(root: Path, state: str) -> None:
+    """Keep a copy of a workspace beside it."""
+    shutil.copytree(root, root.with_name(f"{root.name}-{state}"), symlinks=True)
+
+
+def restored(root: Path, state: str = "built") -> Path:
+    """Return a workspace, in its place, as it was when it was saved."""
+    shutil.rmtree(root)
+    return Path(shutil.copytree(root.with_name(f"{root.name}-{state}"), root, symlinks=True))

@@ -11,17 +11,31 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Forge, Tree
-from tests.testable import cmake_package
+from tests.packages import write_files
+from tests.testable import built_once, cmake_package, restored
 
 pytestmark = pytest.mark.needs("cmake", "ninja")
 
 
-@pytest.fixture(params=[(), ("--merge-install",)], ids=["isolated", "merged"])
-def workspace(request: pytest.FixtureRequest, forge: Forge, tree: Tree) -> Path:
-    """Return a workspace in which a and b were built, in both layouts."""
-    root = tree({**cmake_package("a"), **cmake_package("b", needs="<depend>a</depend>")})
-    assert forge("build", *request.param, cwd=root).code == 0
-    return root
+@pytest.fixture(scope="module")
+def layouts(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Build a workspace with a and b, which needs a, in both layouts."""
+    files = {**cmake_package("a"), **cmake_package("b", needs="<depend>a</depend>")}
+    folder = tmp_path_factory.mktemp("built")
+    options = {"isolated": (), "merged": ("--merge-install",)}
+    return {layout: built_once(folder / layout, files, *words) for layout, words in options.items()}
+
+
+@pytest.fixture(params=["isolated", "merged"])
+def workspace(request: pytest.FixtureRequest, layouts: dict[str, Path]) -> Path:
+    """Return the workspace as it was built, in both layouts."""
+    return restored(layouts[request.param])
+
+
+@pytest.fixture
+def isolated(layouts: dict[str, Path]) -> Path:
+    """Return the workspace as it was built, for tests in which the layout makes no difference."""
+    return restored(layouts["isolated"])
 
 
 def left(root: Path) -> set[str]:
@@ -42,9 +56,9 @@ def test_clean_restores_the_unbuilt_workspace(forge: Forge, workspace: Path) -> 
     assert forge("clean", "workspace", "-y", cwd=workspace).out == "nothing to remove\n"
 
 
-def test_foreign_files_are_kept(forge: Forge, workspace: Path, tree: Tree) -> None:
+def test_foreign_files_are_kept(forge: Forge, workspace: Path) -> None:
     mine = ("build/mine/notes", "install/mine/notes", "log/mine/notes", "install/share/mine", "build/file")
-    tree(dict.fromkeys(mine, ""))
+    write_files(workspace, dict.fromkeys(mine, ""))
     ran = forge("clean", "workspace", "--yes", cwd=workspace)
     assert all((workspace / name).is_file() for name in mine)
     assert "not removed, because forge did not create it: build/mine\n" in ran.err
@@ -52,12 +66,12 @@ def test_foreign_files_are_kept(forge: Forge, workspace: Path, tree: Tree) -> No
     assert left(workspace) == {name for name in mine if not name.startswith("log")}
 
 
-def test_only_the_selected_folders_are_removed(forge: Forge, workspace: Path) -> None:
-    forge("clean", "workspace", "-y", "--base-select", "log", cwd=workspace)
-    assert not (workspace / "log").exists()
-    assert (workspace / "install/setup.sh").is_file()
-    forge("clean", "workspace", "-y", "--base-select", "build", "install", cwd=workspace)
-    assert sorted(path.name for path in workspace.iterdir()) == ["src"]
+def test_only_the_selected_folders_are_removed(forge: Forge, isolated: Path) -> None:
+    forge("clean", "workspace", "-y", "--base-select", "log", cwd=isolated)
+    assert not (isolated / "log").exists()
+    assert (isolated / "install/setup.sh").is_file()
+    forge("clean", "workspace", "-y", "--base-select", "build", "install", cwd=isolated)
+    assert sorted(path.name for path in isolated.iterdir()) == ["src"]
 
 
 def test_a_package_is_removed_completely_and_can_be_rebuilt(forge: Forge, workspace: Path) -> None:
@@ -77,11 +91,11 @@ def test_a_package_is_removed_completely_and_can_be_rebuilt(forge: Forge, worksp
     assert left(workspace) == before
 
 
-def test_packages_can_be_selected(forge: Forge, workspace: Path) -> None:
-    ran = forge("clean", "packages", "--packages-above", "a", "--yes", cwd=workspace)
+def test_packages_can_be_selected(forge: Forge, isolated: Path) -> None:
+    ran = forge("clean", "packages", "--packages-above", "a", "--yes", cwd=isolated)
     assert ran.code == 0
-    assert not (workspace / "build/a").exists()
-    assert not (workspace / "build/b").exists()
+    assert not (isolated / "build/a").exists()
+    assert not (isolated / "build/b").exists()
 
 
 def test_results_of_removed_packages_are_stale(forge: Forge, workspace: Path) -> None:
@@ -95,10 +109,10 @@ def test_results_of_removed_packages_are_stale(forge: Forge, workspace: Path) ->
     assert forge("clean", "stale", "-y", cwd=workspace).out == "nothing to remove\n"
 
 
-def test_results_with_a_broken_manifest_are_not_stale(forge: Forge, workspace: Path) -> None:
-    (workspace / "src/b/package.xml").write_text("<package/>")
-    assert forge("clean", "stale", "-y", cwd=workspace).code == 2
-    assert (workspace / "build/b").is_dir()
+def test_results_with_a_broken_manifest_are_not_stale(forge: Forge, isolated: Path) -> None:
+    (isolated / "src/b/package.xml").write_text("<package/>")
+    assert forge("clean", "stale", "-y", cwd=isolated).code == 2
+    assert (isolated / "build/b").is_dir()
 
 
 @pytest.mark.parametrize(("answer", "gone"), [("", False), ("\n", False), ("n\n", False), ("Y\n", True)])
@@ -154,22 +168,20 @@ def test_links_are_removed_and_not_followed(forge: Forge, tree: Tree) -> None:
 
 @pytest.mark.parametrize("words", [("-y", "a", "b"), ("a", "-y", "b"), ("a", "b", "-y")])
 def test_names_are_accepted_before_and_after_options(
-    forge: Forge, workspace: Path, words: tuple[str, ...]
+    forge: Forge, isolated: Path, words: tuple[str, ...]
 ) -> None:
-    ran = forge("clean", "packages", *words, cwd=workspace)
+    ran = forge("clean", "packages", *words, cwd=isolated)
     assert ran.code == 0, ran.err
-    assert not (workspace / "build/a").exists()
-    assert not (workspace / "build/b").exists()
-    assert forge("clean", "packages", "-y", "a", "--nonsense", cwd=workspace).code == 2
+    assert not (isolated / "build/a").exists()
+    assert not (isolated / "build/b").exists()
+    assert forge("clean", "packages", "-y", "a", "--nonsense", cwd=isolated).code == 2
 
 
-def test_files_not_installed_by_builds_are_kept_and_reported(
-    forge: Forge, workspace: Path, tree: Tree
-) -> None:
+def test_files_not_installed_by_builds_are_kept_and_reported(forge: Forge, workspace: Path) -> None:
     merged = (workspace / "install/share/a").is_dir()
     prefix = "install" if merged else "install/a"
     mine = (f"{prefix}/share/a/mine.yaml", f"{prefix}/mine/deep/x", f"{prefix}/share/a/package.notes")
-    tree(dict.fromkeys(mine, ""))
+    write_files(workspace, dict.fromkeys(mine, ""))
     (workspace / prefix / "empty").mkdir()
     ran = forge("clean", "packages", "a", "-y", cwd=workspace)
     assert ran.code == 0
@@ -189,21 +201,17 @@ def test_files_not_installed_by_builds_are_kept_and_reported(
     assert all((workspace / name).is_file() for name in mine)
 
 
-def test_without_records_files_newer_than_the_package_are_kept(
-    forge: Forge, workspace: Path, tree: Tree
-) -> None:
-    shutil.rmtree(workspace / "build")
-    if (workspace / "install/share/a").is_dir():
-        return
-    tree({"install/a/mine": ""})
-    assert forge("clean", "workspace", "-y", cwd=workspace).code == 0
-    assert left(workspace) == {"install/a/mine", "install/.forge_files/a.json"}
+def test_without_records_files_newer_than_the_package_are_kept(forge: Forge, isolated: Path) -> None:
+    shutil.rmtree(isolated / "build")
+    write_files(isolated, {"install/a/mine": ""})
+    assert forge("clean", "workspace", "-y", cwd=isolated).code == 0
+    assert left(isolated) == {"install/a/mine", "install/.forge_files/a.json"}
 
 
-def test_files_behind_links_are_kept(forge: Forge, workspace: Path, tree: Tree) -> None:
+def test_files_behind_links_are_kept(forge: Forge, workspace: Path) -> None:
     merged = (workspace / "install/share/a").is_dir()
     share = workspace / ("install" if merged else "install/a") / "share"
-    tree({"precious/keep": ""})
+    write_files(workspace, {"precious/keep": ""})
     shutil.copytree(share / "a", workspace / "precious/a")
     shutil.rmtree(share / "a")
     (share / "a").symlink_to(workspace / "precious/a")
@@ -213,26 +221,31 @@ def test_files_behind_links_are_kept(forge: Forge, workspace: Path, tree: Tree) 
     assert (share / "a").is_symlink()
 
 
-def test_a_log_folder_without_runs_is_kept(forge: Forge, workspace: Path, tree: Tree) -> None:
+def test_a_log_folder_without_runs_is_kept(forge: Forge, isolated: Path) -> None:
     mine = ("log/run_2024-01-01_00-00-00/x.log", "log/latest_notes")
-    tree(dict.fromkeys(mine, ""))
-    assert forge("clean", "workspace", "-y", cwd=workspace).code == 0
-    assert all((workspace / name).is_file() for name in mine)
+    write_files(isolated, dict.fromkeys(mine, ""))
+    assert forge("clean", "workspace", "-y", cwd=isolated).code == 0
+    assert all((isolated / name).is_file() for name in mine)
 
 
-def test_only_exact_file_names_are_recognized_as_forge_files(
-    forge: Forge, workspace: Path, tree: Tree
-) -> None:
+def test_only_exact_file_names_are_recognized_as_forge_files(forge: Forge, isolated: Path) -> None:
     mine = ("install/setup.py", "install/local_setup.md", "build/forge_notes.txt", "build/.forge_x/y")
-    tree(dict.fromkeys(mine, ""))
-    assert forge("clean", "workspace", "-y", cwd=workspace).code == 0
-    assert left(workspace) == set(mine)
+    write_files(isolated, dict.fromkeys(mine, ""))
+    assert forge("clean", "workspace", "-y", cwd=isolated).code == 0
+    assert left(isolated) == set(mine)
 
 
 @pytest.mark.needs("cmake", "ninja")
-@pytest.mark.parametrize("shared", [("install",), ("build", "install")], ids="-".join)
-@pytest.mark.parametrize("merged", [(), ("--merge-install",)], ids=["isolated", "merged"])
-@pytest.mark.parametrize("earlier", [False, True], ids=["this version", "earlier version"])
+@pytest.mark.parametrize(
+    ("shared", "merged", "earlier"),
+    [
+        (("install",), (), False),
+        (("build", "install"), ("--merge-install",), False),
+        (("build", "install"), (), True),
+        (("install",), ("--merge-install",), True),
+    ],
+    ids=["install", "merged", "earlier version", "merged, earlier version"],
+)
 def test_packages_of_another_workspace_in_shared_folders_are_not_stale(
     forge: Forge, tree: Tree, shared: tuple[str, ...], merged: tuple[str, ...], *, earlier: bool
 ) -> None:

@@ -3,7 +3,6 @@
 import importlib.util
 import json
 import os
-import shutil
 import subprocess
 import sys
 import time
@@ -12,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Forge, Ran, Tree
-from tests.packages import manifest_text, write_files
+from tests.packages import manifest_text
 from tests.snippets import ROOT
-from tests.testable import PYTEST, UNITTEST, cmake_package, python_package
+from tests.testable import PYTEST, UNITTEST, built_once, cmake_package, python_package, restored
 
 pytestmark = pytest.mark.needs("cmake", "ctest", "ninja")
 
@@ -25,7 +24,6 @@ BAD = 'add_test(NAME "bad.one" COMMAND sh -c "echo no luck; exit 3")'
 @pytest.fixture(scope="module")
 def all_kinds(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Build a workspace with packages of all kinds, once."""
-    root = tmp_path_factory.mktemp("built") / "ws"
     files = {
         **cmake_package("c_bad", GOOD, BAD),
         **cmake_package("c_good", GOOD, needs="<depend>c_none</depend>"),
@@ -34,23 +32,13 @@ def all_kinds(tmp_path_factory: pytest.TempPathFactory) -> Path:
         **python_package("u_test", UNITTEST.format(name="u_test"), pytest=False),
         **python_package("u_none", "", pytest=False),
     }
-    write_files(root, files)
-    variables = {name: value for name, value in os.environ.items() if not name.startswith("FORGE_")}
-    variables["PYTHONPATH"] = str(ROOT)
-    argv = [sys.executable, "-m", "forge", "build"]
-    subprocess.run(argv, cwd=root, env=variables, capture_output=True, check=True)
-    return root
+    return built_once(tmp_path_factory.mktemp("built") / "ws", files)
 
 
 @pytest.fixture
-def workspace(all_kinds: Path, tmp_path: Path) -> Path:
-    """Return the built workspace without results of earlier tests."""
-    for path in all_kinds.glob("build/*/*"):
-        if path.name in {"Testing", "colcon_test.rc", "pytest.xml", "unittest.xml"}:
-            shutil.rmtree(path) if path.is_dir() else path.unlink()
-    shutil.rmtree(all_kinds / "log", ignore_errors=True)
-    assert tmp_path.is_dir()
-    return all_kinds
+def workspace(all_kinds: Path) -> Path:
+    """Return the workspace as it was built."""
+    return restored(all_kinds)
 
 
 def result(root: Path, name: str) -> str:
@@ -116,68 +104,64 @@ def test_the_printed_commands_repeat_failed_tests(forge: Forge, workspace: Path)
 FAILED = '<testsuite tests="0" failures="0"><testcase name="t"><failure message="no"/></testcase></testsuite>'
 
 
-@pytest.mark.parametrize(
-    ("result", "path", "told"),
-    [
-        ("<testsuite tests=", "r.xml", "r.xml"),
-        ("", "test_results/p/r.gtest.xml", "r.gtest.xml"),
-        (FAILED, "r.xml", "r: t"),
-    ],
-)
-def test_a_test_program_that_exits_with_0_hides_no_failure(
-    forge: Forge, built: Tree, result: str, path: str, told: str
-) -> None:
-    copy = f"copy ${{CMAKE_SOURCE_DIR}}/r ${{CMAKE_BINARY_DIR}}/{path}"
-    write = f"add_test(NAME r COMMAND ${{CMAKE_COMMAND}} -E {copy})"
-    fixture = "configure_file(r fixture.xml COPYONLY)"
-    root = built({**cmake_package("p", fixture, write), "src/p/r": result})
-    (root / "build/p" / path).parent.mkdir(parents=True, exist_ok=True)
+def test_a_test_program_that_exits_with_0_hides_no_failure(forge: Forge, built: Tree) -> None:
+    cases = {
+        "torn": ("<testsuite tests=", "r.xml", "{}/build/torn/r.xml"),
+        "empty": ("", "test_results/p/r.gtest.xml", "{}/build/empty/test_results/p/r.gtest.xml"),
+        "failed": (FAILED, "r.xml", "r: t"),
+    }
+    files = {}
+    for name, (result, path, _) in cases.items():
+        copy = f"copy ${{CMAKE_SOURCE_DIR}}/r ${{CMAKE_BINARY_DIR}}/{path}"
+        write = f"add_test(NAME r COMMAND ${{CMAKE_COMMAND}} -E {copy})"
+        fixture = "configure_file(r fixture.xml COPYONLY)"
+        files |= {**cmake_package(name, fixture, write), f"src/{name}/r": result}
+    root = built(files)
+    (root / "build/empty/test_results/p").mkdir(parents=True)
     ran = forge("test", "--return-code-on-test-failure", cwd=root)
     assert ran.code == 1
-    assert told in ran.err + ran.out
-    assert "1 package had test failures: p" in ran.out
-    assert (root / "build/p/colcon_test.rc").read_text() == "test failures\n"
+    assert "3 packages had test failures: empty failed torn" in ran.out
+    for name, (_, _, told) in cases.items():
+        assert f"\n  {name}: {told.format(root)}\n" in ran.out
+        assert (root / f"build/{name}/colcon_test.rc").read_text() == "test failures\n"
     assert forge("test", cwd=root).code == 0
     # What is not of this run does not count.
     ran = forge("test", "--return-code-on-test-failure", "--ctest-args", "-R", "none", cwd=root)
     assert ran.code == 0
 
 
-@pytest.mark.parametrize(
-    "statement",
-    [
-        "import os\ndef test_a(): os._exit(0)",
-        "import atexit, os\natexit.register(os.truncate, '../../build/p/pytest.xml', 60)\ndef test_a(): pass",
-        "import atexit\ndef put(): open('../../build/p/pytest.xml', 'w').write('<html/>')\n"
-        "atexit.register(put)\ndef test_a(): pass",
-    ],
-)
-def test_python_tests_without_a_readable_result_fail(forge: Forge, built: Tree, statement: str) -> None:
-    root = built(python_package("p", statement, pytest=True))
+def test_python_tests_without_a_readable_result_fail(forge: Forge, built: Tree) -> None:
+    late = "import atexit, os\ndef test_a(): pass\n"
+    cases = {
+        "exits": "import os\ndef test_a(): os._exit(0)",
+        "cut": f"{late}atexit.register(os.truncate, '../../build/cut/pytest.xml', 60)",
+        "html": f"{late}def put(): open('../../build/html/pytest.xml', 'w').write('<html/>')\n"
+        "atexit.register(put)",
+    }
+    root = built(
+        {k: v for name, text in cases.items() for k, v in python_package(name, text, pytest=True).items()}
+    )
     ran = forge("test", "--return-code-on-test-failure", cwd=root)
     assert ran.code == 1
-    assert "1 test, 1 error, 0 failures" in ran.out
+    assert "3 packages had test failures: cut exits html" in ran.out
+    assert "3 tests, 3 errors, 0 failures" in ran.out
 
 
 CONFTEST = "import os\ndef pytest_{hook}:\n    {statement}\n"
 
 
-@pytest.mark.parametrize(
-    ("hook", "statement", "told"),
-    [
+def test_a_failed_pytest_run_is_an_error_in_the_results(forge: Forge, built: Tree) -> None:
+    """This holds even if all tests that ran have passed, because CI systems read only the results."""
+    root = built(python_package("p", "def test_a(): pass", pytest=True))
+    conftest = root / "src/p/conftest.py"
+    for hook, statement, told in (
         ("sessionfinish(session)", "session.exitstatus = 3", "pytest exited with code 3"),
         ("sessionfinish(session)", "session.exitstatus = 1", "pytest reported failed tests"),
         ("unconfigure(config)", "os.unlink(config.option.xmlpath)", "pytest exited without writing a result"),
-    ],
-)
-def test_a_failed_pytest_run_is_an_error_in_the_results(
-    forge: Forge, built: Tree, hook: str, statement: str, told: str
-) -> None:
-    """This holds even if all tests that ran have passed, because CI systems read only the results."""
-    files = python_package("p", "def test_a(): pass", pytest=True)
-    root = built({**files, "src/p/conftest.py": CONFTEST.format(hook=hook, statement=statement)})
-    assert_the_run_failed(forge, root, told)
-    (root / "src/p/conftest.py").unlink()
+    ):
+        conftest.write_text(CONFTEST.format(hook=hook, statement=statement))
+        assert_the_run_failed(forge, root, told)
+    conftest.unlink()
     assert forge("test", "--return-code-on-test-failure", cwd=root).code == 0
     assert forge("test-result", cwd=root).out == "Summary: 1 test, 0 errors, 0 failures, 0 skipped\n"
 
@@ -317,12 +301,8 @@ def test_coverage_is_part_of_the_summary(forge: Forge, workspace: Path) -> None:
 
 def test_a_crashed_test_run_leaves_a_result_and_is_repeated(forge: Forge, workspace: Path) -> None:
     test = workspace / "src/u_test/tests/test_u_test.py"
-    text = test.read_text()
     test.write_text("import os\nos._exit(1)\n")
-    try:
-        ran = forge("test", "--packages-select", "u_test", cwd=workspace)
-    finally:
-        test.write_text(text)
+    ran = forge("test", "--packages-select", "u_test", cwd=workspace)
     assert "  u_test: unittest.missing_result\n      unittest exited without writing a result\n" in ran.out
     assert "unittests.py" in lines(ran, "repeat:")[0]
 
@@ -370,12 +350,7 @@ def test_tests_are_repeated_until_they_pass_or_fail(
     (workspace / "src/u_none/tests/test_u_none.py").write_text(
         COUNTING.format(path=str(count), relation=relation)
     )
-    try:
-        ran = forge(
-            "test", "--packages-select", "u_none", "--python-testing", "pytest", *options, cwd=workspace
-        )
-    finally:
-        (workspace / "src/u_none/tests/test_u_none.py").write_text("")
+    ran = forge("test", "--packages-select", "u_none", "--python-testing", "pytest", *options, cwd=workspace)
     assert ("had test failures" in ran.out) is (end == "failed")
     assert len(count.read_text()) == runs
 
@@ -443,8 +418,7 @@ def test_a_package_whose_configuration_failed_is_not_tested(forge: Forge, built:
     assert "cannot be tested" not in forge("test", cwd=root).err
 
 
-@pytest.mark.parametrize("name", ["c", "p"])
-def test_a_package_whose_last_build_failed_is_not_tested(forge: Forge, tree: Tree, name: str) -> None:
+def test_a_package_whose_last_build_failed_is_not_tested(forge: Forge, tree: Tree) -> None:
     """The test programs and installed files of the previous build would pass."""
     fails = "add_custom_target(x ALL COMMAND sh -c 'test ! -e ${CMAKE_SOURCE_DIR}/fail')"
     root = tree(
@@ -457,17 +431,18 @@ def test_a_package_whose_last_build_failed_is_not_tested(forge: Forge, tree: Tre
     setup = root / "src/p/setup.py"
     setup.write_text(f"import os\nassert not os.path.exists('fail')\n{setup.read_text()}")
     assert forge("build", cwd=root).code == 0
-    (root / "src" / name / "fail").write_text("")
-    assert forge("build", cwd=root).code == 1
-    ran = forge("test", "--return-code-on-test-failure", "--packages-select", "c", "p", cwd=root)
-    assert ran.code == 1
-    assert f"warning: '{name}' cannot be tested: its last build failed or was stopped" in ran.err
-    assert f"1 package not tested: {name}" in ran.out
-    assert forge("test-result", cwd=root).code == 1
-    ran = forge("test", "--packages-select", "user", cwd=root)
-    assert f"the last build of '{name}' failed or was stopped, so that tests use outdated files" in ran.err
-    (root / "src" / name / "fail").unlink()
-    assert forge("build", cwd=root).code == 0
+    for name in ("c", "p"):
+        (root / "src" / name / "fail").write_text("")
+        assert forge("build", cwd=root).code == 1
+        ran = forge("test", "--return-code-on-test-failure", "--packages-select", "c", "p", cwd=root)
+        assert ran.code == 1
+        assert f"warning: '{name}' cannot be tested: its last build failed or was stopped" in ran.err
+        assert f"1 package not tested: {name}" in ran.out
+        assert forge("test-result", cwd=root).code == 1
+        ran = forge("test", "--packages-select", "user", cwd=root)
+        assert f"the last build of '{name}' failed or was stopped, so that tests use outdated" in ran.err
+        (root / "src" / name / "fail").unlink()
+        assert forge("build", cwd=root).code == 0
     assert forge("test", "--return-code-on-test-failure", cwd=root).code == 0
     assert forge("test-result", cwd=root).code == 0
 

@@ -1,7 +1,6 @@
 """Tests that are repeated until they pass: all attempts are kept, and flaky tests are reported."""
 
 import json
-from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import pytest
@@ -40,8 +39,7 @@ def test_bad():
 """
 
 
-@pytest.fixture
-def root(built: Tree) -> Path:
+def test_flaky_tests_are_reported_and_all_attempts_kept(forge: Forge, built: Tree) -> None:
     root = built(
         {
             **cmake_package(
@@ -56,10 +54,6 @@ def root(built: Tree) -> Path:
             **python_package("y", PYTEST, pytest=True),
         }
     )
-    return root
-
-
-def test_flaky_tests_are_reported_with_the_attempt_that_passed(forge: Forge, root: Path) -> None:
     ran = forge("test", "--retest-until-pass", "2", cwd=root)
     assert "8 tests, 0 errors, 2 failures, 0 skipped  (3 flaky)\n" in ran.out, ran.out
     table = ran.out.partition("3 flaky tests:\n")[2].partition("\n\n")[0]
@@ -70,10 +64,7 @@ def test_flaky_tests_are_reported_with_the_attempt_that_passed(forge: Forge, roo
     assert "  y: tests.test_y.test_bad\n" in ran.out
     ran = forge("test-result", cwd=root)
     assert "Summary: 8 tests, 0 errors, 2 failures, 0 skipped" in ran.out
-
-
-def test_junit_files_contain_the_failures_of_earlier_attempts(forge: Forge, root: Path) -> None:
-    forge("test", "--retest-until-pass", "2", cwd=root)
+    # Files of JUnit contain the failures of earlier attempts.
     found = {}
     for file in ("y/pytest.xml", "p/test_results/p/junit.gtest.xml"):
         for case in ET.parse(root / "build" / file).getroot().iter("testcase"):
@@ -86,9 +77,9 @@ def test_junit_files_contain_the_failures_of_earlier_attempts(forge: Forge, root
     assert b"unlucky" in (logs / "p/attempt_1/junit.gtest.xml").read_bytes()
     assert b"not yet" in (logs / "p/attempt_1/Test.xml").read_bytes()
     assert b"assert 1 == 2" in (logs / "y/attempt_2/pytest.xml").read_bytes()
-
-
-def test_flaky_tests_are_reported_as_events(forge: Forge, root: Path) -> None:
+    # Flaky tests are events, too.
+    for flag in ("flag", "junit_flag"):
+        (root / "build/p" / flag).unlink()
     ran = forge("test", "p", "--retest-until-pass", "1", "--json", cwd=root)
     events = [json.loads(line) for line in ran.out.splitlines()]
     found = {each["test"]: each for each in events if each["event"] == "FlakyTest"}

@@ -5,8 +5,17 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import Forge, Ran, Tree
-from tests.testable import PYTEST, UNITTEST, cmake_package, python_package
+from tests.conftest import Forge, Ran
+from tests.testable import (
+    PYTEST,
+    UNITTEST,
+    built_once,
+    cmake_package,
+    python_package,
+    restored,
+    run_forge,
+    save,
+)
 
 pytestmark = pytest.mark.needs("cmake")
 
@@ -40,17 +49,32 @@ TESTS = (
 )
 
 
-@pytest.fixture
-def root(built: Tree) -> Path:
-    root = built(
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = built_once(
+        tmp_path_factory.mktemp("cases") / "ws",
         {
             **cmake_package("p", *TESTS),
             "src/p/gtest.sh": GTEST,
             **python_package("y", PYTEST.format(name="y"), pytest=True),
             **python_package("u", UNITTEST.format(name="u"), pytest=False),
-        }
+        },
     )
+    run_forge(root, "test")
+    save(root, "tested")
     return root
+
+
+@pytest.fixture
+def root(workspace: Path) -> Path:
+    """Return the built workspace."""
+    return restored(workspace)
+
+
+@pytest.fixture
+def tested(workspace: Path) -> Path:
+    """Return the built workspace after all its tests have run."""
+    return restored(workspace, "tested")
 
 
 def failed(ran: Ran) -> list[str]:
@@ -96,28 +120,30 @@ def test_a_failed_case_is_named_with_the_command_that_runs_it_alone(forge: Forge
             ["u: tests.test_u.Values.test_bad"],
         ),
         ("u::test_good", "1 test, 0 errors, 0 failures", []),
+        ("y::tests/test_y.py", "4 tests, 0 errors, 1 failure", ["y: tests.test_y.test_value[2]"]),
+        ("y::test_value[2]", "1 test, 0 errors, 1 failure", ["y: tests.test_y.test_value[2]"]),
+        ("u::tests/test_u.py", "2 tests, 0 errors, 1 failure", ["u: tests.test_u.Values.test_bad"]),
+        (
+            "u::tests/test_u.py::Values::test_bad",
+            "1 test, 0 errors, 1 failure",
+            ["u: tests.test_u.Values.test_bad"],
+        ),
     ],
 )
 def test_a_single_test_is_run_by_its_name(
-    forge: Forge, root: Path, words: str, counts: str, names: list[str]
+    forge: Forge, tested: Path, words: str, counts: str, names: list[str]
 ) -> None:
-    forge("test", cwd=root)
-    ran = forge("test", *words.split(), cwd=root)
+    ran = forge("test", *words.split(), cwd=tested)
     assert ran.code == 0, ran.err
     assert counts in ran.out, ran.out
     assert failed(ran) == names
 
 
-def test_a_case_omitted_by_the_last_run_is_found(forge: Forge, root: Path) -> None:
-    forge("test", "p", cwd=root)
-    forge("test", "p::Math.adds", cwd=root)
-    assert "1 test, 0 errors, 0 failures" in forge("test", "p::Math.subtracts", cwd=root).out
-
-
-def test_cases_and_suites_stay_known_until_a_full_run(forge: Forge, root: Path) -> None:
-    forge("test", "p", cwd=root)
+def test_cases_and_suites_stay_known_until_a_full_run(forge: Forge, tested: Path) -> None:
+    root = tested
     assert forge("test", "p::Math.adds", cwd=root).code == 0
     assert forge("test", "p::Math.typing_error", cwd=root).code == 2
+    assert "1 test, 0 errors, 0 failures" in forge("test", "p::Math.subtracts", cwd=root).out
     assert "1 test, 0 errors, 1 failure" in forge("test", "p::Other", cwd=root).out
     assert "1 test, 0 errors, 0 failures" in forge("test", "p::size", cwd=root).out
     (root / "src/p/gtest.sh").write_text(GTEST.replace("Typed/1.size", ""))
@@ -147,8 +173,8 @@ def test_last_failed_runs_all_tests_after_a_crash_or_an_interrupt(forge: Forge, 
     assert "Starting >>> p" not in forge("test", "--packages-select-test-failures", cwd=root).out
 
 
-def test_last_failed_reruns_tests_until_they_pass(forge: Forge, root: Path) -> None:
-    forge("test", cwd=root)
+def test_last_failed_reruns_tests_until_they_pass(forge: Forge, tested: Path) -> None:
+    root = tested
     ran = forge("test", "--last-failed", cwd=root)
     assert len(failed(ran)) == 5
     (root / "src/p/fixed").touch()
@@ -208,22 +234,6 @@ def test_a_failed_import_is_a_failure(forge: Forge, root: Path) -> None:
     (root / "src/y/tests/conftest.py").write_text("import no_such_module\n")
     ran = forge("test", "y::tests.test_y.test_value", cwd=root)
     assert (ran.code, "has such a name" in ran.err) == (1, False), ran.err
-
-
-@pytest.mark.parametrize(
-    ("word", "counts"),
-    [
-        ("y::tests/test_y.py", "4 tests, 0 errors, 1 failure"),
-        ("y::test_value[2]", "1 test, 0 errors, 1 failure"),
-        ("u::tests/test_u.py", "2 tests, 0 errors, 1 failure"),
-        ("u::tests/test_u.py::Values::test_bad", "1 test, 0 errors, 1 failure"),
-    ],
-)
-def test_a_file_a_node_or_a_parameter_is_run(forge: Forge, root: Path, word: str, counts: str) -> None:
-    forge("test", "y", "u", cwd=root)
-    for _ in range(2):
-        ran = forge("test", word, cwd=root)
-        assert (ran.code, counts in ran.out) == (0, True), ran.out
 
 
 def test_a_parameter_may_be_written_in_any_alphabet(forge: Forge, root: Path) -> None:
