@@ -1,6 +1,5 @@
 """The interface of a shared library differs wherever a program that links it would."""
 
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -100,46 +99,6 @@ def test_linker_options_visible_to_users_change_the_interface(tmp_path: Path, fl
     text = "static int q; int *const v = &q; double w(double a) { return __builtin_sin(a); }"
     one, other = library(tmp_path, "one", text, "-Wl,--no-as-needed"), library(tmp_path, "other", text, flag)
     assert abi_digest(str(one)) != abi_digest(str(other)) != ""
-
-
-PROGRAM = """#include <stdio.h>
-extern int *v; extern int w;
-int main(void) { printf("%p %d", (void *)v, w); return 0; }
-"""
-
-
-# No linker copies a protected variable into a program.
-VARIABLES = [
-    name for name in CHANGES if not any(word in name for word in ("function", "thread", "protected"))
-]
-
-
-LINKERS = [name for name in ("bfd", "gold", "lld") if shutil.which(f"ld.{name}")]
-
-
-@pytest.mark.parametrize("change", VARIABLES)
-def test_equal_interfaces_give_identical_programs(tmp_path: Path, change: str) -> None:
-    """A program that links two libraries differently shows that their interfaces differ.
-
-    Not every linker accepts every change; one at least does.
-    """
-    (tmp_path / "x.c").write_text(PROGRAM)
-    one, other = (
-        library(tmp_path, name, text) for name, text in zip(("one", "other"), CHANGES[change], strict=True)
-    )
-    programs = [(linked(one, linker), linked(other, linker)) for linker in LINKERS]
-    pairs = [pair for pair in programs if None not in pair]
-    assert pairs
-    assert abi_digest(str(one)) != abi_digest(str(other)) or all(first == second for first, second in pairs)
-
-
-def linked(libd: Path, linker: str) -> bytes | None:
-    """Return a program that uses a library, or None where the linker refuses."""
-    argv = ("gcc", "-no-pie", "-fno-pic", "-o", "x", "../x.c", "libd.so", f"-fuse-ld={linker}")
-    done = subprocess.run(
-        (*argv, "-Wl,--unresolved-symbols=ignore-all"), cwd=libd.parent, capture_output=True, check=False
-    )
-    return None if done.returncode else (libd.parent / "x").read_bytes()
 
 
 def with_run_path(folder: Path, run_path: str, code: str = "int v = 1;") -> bytes:

@@ -137,7 +137,7 @@ def times(root: Path) -> dict[Path, tuple[int, int]]:
     return {path: (status.st_ino, status.st_mtime_ns) for path, status in files.items()}
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(4))
 def test_edits_give_the_same_files_as_a_clean_run(forge: Forge, tree: Tree, seed: int) -> None:
     rng = random.Random(seed)
     root = tree(SHAPES)
@@ -168,16 +168,15 @@ def test_only_files_of_the_definition_and_its_users_are_written(forge: Forge, tr
     assert times(root) == after
 
 
-@pytest.mark.parametrize("text", [None, "", "{}", '{"version": 5, "parts": {"cpp p": ["x", {"a": []}]}}'])
-def test_a_missing_ledger_regenerates_all_files(forge: Forge, tree: Tree, text: str | None) -> None:
+def test_a_missing_or_damaged_ledger_regenerates_all_files(forge: Forge, tree: Tree) -> None:
     root = tree(SHAPES)
-    assert generate(forge, root, "out") == 0
-    ledger = root / "out/.forge/p.json"
-    ledger.unlink()
-    if text is not None:
-        ledger.write_text(text)
-    edited = root / "out/cpp/p/msg/base.hpp"
-    edited.write_text("edited")
-    assert generate(forge, root, "out") == 0
     assert generate(forge, root, "clean") == 0
-    assert outputs(root, "out") == outputs(root, "clean")
+    assert generate(forge, root, "out") == 0
+    for text in (None, "", "{}", '{"version": 5, "parts": {"cpp p": ["x", {"a": []}]}}'):
+        ledger = root / "out/.forge/p.json"
+        ledger.unlink()
+        if text is not None:
+            ledger.write_text(text)
+        (root / "out/cpp/p/msg/base.hpp").write_text("edited")
+        assert generate(forge, root, "out") == 0
+        assert outputs(root, "out") == outputs(root, "clean"), text
