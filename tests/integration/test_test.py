@@ -110,7 +110,7 @@ def test_a_test_program_that_exits_with_0_hides_no_failure(forge: Forge, built: 
         "empty": ("", "test_results/p/r.gtest.xml", "{}/build/empty/test_results/p/r.gtest.xml"),
         "failed": (FAILED, "r.xml", "r: t"),
     }
-    files = {}
+    files: dict[str, str] = {}
     for name, (result, path, _) in cases.items():
         copy = f"copy ${{CMAKE_SOURCE_DIR}}/r ${{CMAKE_BINARY_DIR}}/{path}"
         write = f"add_test(NAME r COMMAND ${{CMAKE_COMMAND}} -E {copy})"

@@ -82,9 +82,9 @@ def test_flaky_tests_are_reported_and_all_attempts_kept(forge: Forge, built: Tre
         (root / "build/p" / flag).unlink()
     ran = forge("test", "p", "--retest-until-pass", "1", "--json", cwd=root)
     events = [json.loads(line) for line in ran.out.splitlines()]
-    found = {each["test"]: each for each in events if each["event"] == "FlakyTest"}
-    assert found.keys() == {"flaky", "Suite.flaky"}
-    assert (found["flaky"]["passed_at"], found["flaky"]["message"]) == (2, ["not yet"])
+    flaky = {each["test"]: each for each in events if each["event"] == "FlakyTest"}
+    assert flaky.keys() == {"flaky", "Suite.flaky"}
+    assert (flaky["flaky"]["passed_at"], flaky["flaky"]["message"]) == (2, ["not yet"])
     assert [each["test"] for each in events if each["event"] == "TestFailure"] == ["bad"]
 
 
