@@ -16,11 +16,11 @@ from tests.conftest import Forge, Ran
 from tests.evolving import PYTHON, differences, look
 from tests.packages import manifest_text, write_files
 
-pytestmark = pytest.mark.needs("cmake", "ninja", "g++")
+pytestmark = pytest.mark.needs("cmake", "ninja", "gcc")
 
 LIBRARY = """cmake_minimum_required(VERSION 3.18)
-project(library CXX)
-add_library(library SHARED library.cpp)
+project(library C)
+add_library(library SHARED library.c)
 target_include_directories(library PUBLIC $<INSTALL_INTERFACE:include>)
 install(TARGETS library EXPORT library DESTINATION lib)
 install(FILES library.h DESTINATION include)
@@ -29,31 +29,31 @@ install(CODE [[file(WRITE "${CMAKE_INSTALL_PREFIX}/share/library/unlisted" "${CM
 install(DIRECTORY DESTINATION share/library/hollow)
 """
 USING = """cmake_minimum_required(VERSION 3.18)
-project(using CXX)
+project(using C)
 find_package(library REQUIRED)
-add_executable(using main.cpp)
+add_executable(using main.c)
 target_link_libraries(using library)
 install(TARGETS using DESTINATION bin)
 """
 PLAIN = {
     "src/library/package.xml": manifest_text("library", build_type="cmake"),
     "src/library/CMakeLists.txt": LIBRARY,
-    "src/library/library.cpp": "int answer() { return 42; }\n",
+    "src/library/library.c": "int answer() { return 42; }\n",
     "src/library/library.h": "int answer();\n",
     "src/using/package.xml": manifest_text("using", "<depend>library</depend>", build_type="cmake"),
     "src/using/CMakeLists.txt": USING,
-    "src/using/main.cpp": "#include <library.h>\nint main() { return answer() - 42; }\n",
+    "src/using/main.c": "#include <library.h>\nint main() { return answer() - 42; }\n",
 }
 SPEAKING = """cmake_minimum_required(VERSION 3.18)
-project(speaking CXX)
-add_executable(speak main.cpp)
+project(speaking C)
+add_executable(speak main.c)
 target_compile_definitions(speak PRIVATE HOME="${CMAKE_CURRENT_BINARY_DIR}")
 install(TARGETS speak DESTINATION bin)
 """
 BOUND = {
     "src/speaking/package.xml": manifest_text("speaking", build_type="cmake"),
     "src/speaking/CMakeLists.txt": SPEAKING,
-    "src/speaking/main.cpp": "#include <cstdio>\nint main() { std::puts(HOME); }\n",
+    "src/speaking/main.c": "#include <stdio.h>\nint main() { puts(HOME); }\n",
 }
 
 
@@ -61,7 +61,6 @@ class Users:
     """Builds with one cache, each in its own workspace."""
 
     def __init__(self, forge: Forge, cache: Path) -> None:
-        """Begin with an empty cache."""
         self.forge = forge
         self.cache = cache
 
@@ -79,12 +78,10 @@ class Users:
 
 @pytest.fixture
 def users(forge: Forge, tmp_path: Path) -> Users:
-    """Return builds with one cache."""
     return Users(forge, tmp_path / "cache")
 
 
 def restored(ran: Ran) -> int:
-    """Return how many packages came from the cache."""
     found = re.search(r"(\d+) packages? came from the cache", ran.out)
     return int(found[1]) if found else 0
 
@@ -102,7 +99,7 @@ def test_a_restored_tree_matches_the_built_one(users: Users, tmp_path: Path, lay
     assert not list((root / "build").glob("*/CMakeCache.txt"))
     assert not differences(look(root / "install"), built)
     assert "unchanged" in users.build(root, *layout).out
-    changed = next(path for path in sorted(root.glob("src/**/*.cpp")))
+    changed = next(path for path in sorted(root.glob("src/**/*.c")))
     changed.write_text(changed.read_text() + "int one_more() { return 1; }\n")
     assert restored(users.build(root, *layout)) == 0
 
@@ -110,12 +107,14 @@ def test_a_restored_tree_matches_the_built_one(users: Users, tmp_path: Path, lay
 def test_unrecorded_files_in_a_merged_prefix_are_not_cached(users: Users, tmp_path: Path) -> None:
     """Here, a static program writes it, which cannot be observed."""
     lists = (
-        f"{LIBRARY}add_executable(writer writer.cpp)\ntarget_link_options(writer PRIVATE -static)\n"
+        f"{LIBRARY}add_executable(writer writer.c)\ntarget_link_options(writer PRIVATE -static)\n"
         "install(CODE [[execute_process(COMMAND ./writer ${CMAKE_INSTALL_PREFIX}/share/library/unseen)]])\n"
     )
-    code = '#include <cstdio>\nint main(int, char **words) { return !std::fopen(words[1], "w"); }\n'
+    code = (
+        '#include <stdio.h>\nint main(int count, char ** words) { return !fopen(words[count - 1], "w"); }\n'
+    )
     root = write_files(
-        tmp_path / "ws", {**PLAIN, "src/library/CMakeLists.txt": lists, "src/library/writer.cpp": code}
+        tmp_path / "ws", {**PLAIN, "src/library/CMakeLists.txt": lists, "src/library/writer.c": code}
     )
     ran = users.build(root, "--merge-install", "--explain", "--executor", "sequential")
     assert (
@@ -228,7 +227,7 @@ def test_code_changes_are_shared_if_the_build_scripts_are_path_independent(
         'target_compile_definitions(speak PRIVATE HOME="${CMAKE_CURRENT_BINARY_DIR}")', ""
     )
     lists = lists.replace("add_executable", f"{code}\nadd_executable")
-    files = {**BOUND, "src/speaking/CMakeLists.txt": lists, "src/speaking/main.cpp": NUMBER % "1"}
+    files = {**BOUND, "src/speaking/CMakeLists.txt": lists, "src/speaking/main.c": NUMBER % "1"}
     names = ("one", "deeper/second", "x/y/third")
     one, two, three = (write_files(tmp_path / name, files) for name in names)
     users.build(one)
@@ -236,7 +235,7 @@ def test_code_changes_are_shared_if_the_build_scripts_are_path_independent(
     assert restored(users.build(three)) == 1
     for root in (one, three):
         use = "1" if what == "nothing" else "sizeof(PLACE)"
-        (root / "src/speaking/main.cpp").write_text(NUMBER % f"{use} + 1")
+        (root / "src/speaking/main.c").write_text(NUMBER % f"{use} + 1")
         (root / "src/speaking/place.h").unlink(missing_ok=True)
     users.begin_anew(one)
     ran = users.build(one, "--explain")
@@ -251,16 +250,16 @@ def test_code_changes_are_shared_if_the_build_scripts_are_path_independent(
     assert restored(users.build(three)) == 0
 
 
-@pytest.mark.parametrize("name", ["main.cpp", "copied.txt"])
+@pytest.mark.parametrize("name", ["main.c", "copied.txt"])
 def test_a_source_that_spells_the_path_of_its_workspace_is_not_shared(
     users: Users, tmp_path: Path, name: str
 ) -> None:
     """A clean build elsewhere installs it with this path, not with its own."""
-    code = "add_executable(speak main.cpp)\ninstall(FILES main.cpp copied.txt DESTINATION share)\n"
+    code = "add_executable(speak main.c)\ninstall(FILES main.c copied.txt DESTINATION share)\n"
     files = {
         **BOUND,
-        "src/speaking/CMakeLists.txt": f"cmake_minimum_required(VERSION 3.16)\nproject(speaking CXX)\n{code}",
-        "src/speaking/main.cpp": "int main() {}\n",
+        "src/speaking/CMakeLists.txt": f"cmake_minimum_required(VERSION 3.16)\nproject(speaking C)\n{code}",
+        "src/speaking/main.c": "int main() {}\n",
         "src/speaking/copied.txt": "",
     }
     names = ("one", "deeper/second", "x/y/third")
@@ -286,15 +285,15 @@ def test_a_path_in_a_dependencys_header_may_affect_other_code(users: Users, tmp_
     )
     lists = LIBRARY.replace("install(FILES library.h DESTINATION include)", generating)
     main = "#include <library.h>\nint main() { return 0; }\n"
-    files = {**PLAIN, "src/library/CMakeLists.txt": lists, "src/using/main.cpp": main}
+    files = {**PLAIN, "src/library/CMakeLists.txt": lists, "src/using/main.c": main}
     names = ("one", "deeper/second", "x/y/third")
     one, two, three = (write_files(tmp_path / name, files) for name in names)
     users.build(one)
     assert users.build(two, "--explain").out.count("cached for any path") == 2
     assert restored(users.build(three)) == 2
     for root in (one, three):
-        (root / "src/using/main.cpp").write_text(main.replace("0", "sizeof(PLACE)"))
-        (root / "src/library/library.cpp").write_text("int answer() { return 43; }\n")
+        (root / "src/using/main.c").write_text(main.replace("0", "sizeof(PLACE)"))
+        (root / "src/library/library.c").write_text("int answer() { return 43; }\n")
     users.begin_anew(one)
     ran = users.build(one, "--explain")
     assert "library: not in the cache; cached for any path: the same build scripts" in ran.out
@@ -318,7 +317,7 @@ def test_a_later_build_may_disprove_path_independence(users: Users, tmp_path: Pa
 EXPECTING = """cmake_minimum_required(VERSION 3.18)
 project(speaking NONE)
 if(CMAKE_SOURCE_DIR MATCHES expected)
-  install(FILES main.cpp DESTINATION share/speaking RENAME here)
+  install(FILES main.c DESTINATION share/speaking RENAME here)
 endif()
 """
 
@@ -337,15 +336,15 @@ def test_results_with_embedded_paths_are_reused_only_at_the_same_path(users: Use
 
 def test_compiled_code_contains_no_source_paths(users: Users, tmp_path: Path) -> None:
     """__FILE__ and debug information are the same everywhere; the flags of the user stay."""
-    main = "#include <cstdio>\nint main() { std::puts(__FILE__); }\n"
-    files = {**BOUND, "src/speaking/main.cpp": main}
+    main = "#include <stdio.h>\nint main() { puts(__FILE__); }\n"
+    files = {**BOUND, "src/speaking/main.c": main}
     one, two, three = (write_files(tmp_path / name, files) for name in ("one", "deeper/second", "x/y/third"))
-    flags = ("--cmake-args", "-D", "CMAKE_CXX_FLAGS=-g -DMINE=1")
+    flags = ("--cmake-args", "-D", "CMAKE_C_FLAGS=-g -DMINE=1")
     for root in (one, two):
         users.build(root, *flags)
     assert restored(users.build(three, *flags)) == 1
     said = subprocess.run([three / "install/speaking/bin/speak"], check=True, capture_output=True, text=True)
-    assert said.stdout == "./src/speaking/main.cpp\n"
+    assert said.stdout == "./src/speaking/main.c\n"
     ninja = (one / "build/speaking/build.ninja").read_text()
     assert "-g -DMINE=1" in ninja
     assert "-ffile-prefix-map=" in ninja
@@ -435,7 +434,7 @@ def test_external_files_are_part_of_the_cache_key(users: Users, tmp_path: Path) 
     found = f"target_include_directories(speak PRIVATE {header.parent})"
     own = {
         "src/speaking/CMakeLists.txt": definitions.sub(found, SPEAKING),
-        "src/speaking/main.cpp": "#include <answer.h>\n#include <cstdio>\nint main() { std::puts(HOME); }\n",
+        "src/speaking/main.c": "#include <answer.h>\n#include <stdio.h>\nint main() { puts(HOME); }\n",
     }
     root = write_files(tmp_path / "ws", {**BOUND, **own})
     seen = []
@@ -453,7 +452,7 @@ def test_files_written_outside_the_workspace_change_the_cache_key(users: Users, 
     write_files(header.parent, {"answer.h": '#define HOME "one"\n'})
     found = f"target_include_directories(speak PRIVATE {header.parent})"
     cmake = re.sub(r"target_compile_definitions.*", found, SPEAKING)
-    main = "#include <answer.h>\n#include <cstdio>\nint main() { std::puts(HOME); }\n"
+    main = "#include <answer.h>\n#include <stdio.h>\nint main() { puts(HOME); }\n"
     files = {
         "src/writing/package.xml": manifest_text("writing", "<depend>early</depend>", build_type="cmake"),
         "src/writing/said": "one",
@@ -468,7 +467,7 @@ install(FILES package.xml DESTINATION share/writing)
         files |= {
             f"src/{name}/package.xml": manifest_text(name, needs, build_type="cmake"),
             f"src/{name}/CMakeLists.txt": cmake.replace("speaking", name),
-            f"src/{name}/main.cpp": main,
+            f"src/{name}/main.c": main,
         }
     root = write_files(tmp_path / "ws", files)
     users.build(root)
@@ -498,7 +497,7 @@ def test_results_built_with_another_umask_are_not_used(users: Users, tmp_path: P
 
 
 NATIVE = {
-    "option": ("", "", ["--cmake-args", "-DCMAKE_CXX_FLAGS=-march=native"]),
+    "option": ("", "", ["--cmake-args", "-DCMAKE_C_FLAGS=-march=native"]),
     "code": ("", "string(CONCAT flag -march= native)\nadd_compile_options(${flag})", []),
     "need": ("target_compile_options(library PUBLIC -mtune=native)", "", []),
     "file": ("", "add_compile_options(@${CMAKE_CURRENT_SOURCE_DIR}/flags)", []),
@@ -581,7 +580,7 @@ def test_concurrent_builds_share_a_cache_safely(users: Users, tmp_path: Path) ->
 @pytest.mark.parametrize("seed", range(int(os.environ.get("FORGE_TEST_KILLS", "2"))))
 def test_a_killed_restore_is_repeated(users: Users, tmp_path: Path, seed: int) -> None:
     chance = random.Random(seed)
-    many = {f"src/speaking/data/{number}": "x" * number for number in range(3000)}
+    many = {f"src/speaking/data/{number}": "x" * number for number in range(1000)}
     text = SPEAKING + "install(DIRECTORY data DESTINATION share/speaking)\n"
     root = write_files(tmp_path / "ws", {**BOUND, **many, "src/speaking/CMakeLists.txt": text, **PLAIN})
     users.build(root)
@@ -593,7 +592,7 @@ def test_a_killed_restore_is_repeated(users: Users, tmp_path: Path, seed: int) -
     )
     assert process.stdout
     process.stdout.readline()
-    time.sleep(chance.random() * 0.3)
+    time.sleep(chance.random() * 0.1)
     os.killpg(process.pid, signal.SIGKILL)
     process.communicate()
     ran = users.build(root, *(("--cache", str(tmp_path / "none")) if chance.random() < 0.5 else ()))
