@@ -31,7 +31,6 @@ class Builds:
     """Builds of one workspace: what was started, and whether the result is that of a clean build."""
 
     def __init__(self, forge: Forge, root: Path, *options: str) -> None:
-        """Build for the first time with `build`."""
         self._forge = forge
         self._root = root
         self._options = options
@@ -44,7 +43,6 @@ class Builds:
         return sorted(event["package"] for event in events if event["event"] == "Started")
 
     def tree(self) -> dict[str, bytes]:
-        """Return what is installed."""
         install = self._root / "install"
         return {
             str(path.relative_to(install)): path.read_bytes() for path in install.rglob("*") if path.is_file()
@@ -79,25 +77,58 @@ def test_irrelevant_variables_cause_no_rebuild(forge: Forge, tree: Tree) -> None
     assert builds.build({"ROS_VERSION": "1"}) == ["a"]
 
 
-def test_a_variable_affects_packages_that_use_it_directly_or_through_included_files(
-    forge: Forge, tree: Tree
-) -> None:
-    config = "install(FILES dConfig.cmake DESTINATION share/d/cmake)\n"
-    builds = Builds(
-        forge,
-        tree(
-            cmake("a", "if(DEFINED ENV{FOO})\nadd_definitions(-DV=$ENV{FOO})\nendif()\n")
-            | cmake("b", "")
-            | cmake("d", config, build=False)
-            | cmake("e", "find_package(d REQUIRED)\nadd_definitions(-DV=1${d_V})\n", "<depend>d</depend>")
-            | {"src/d/dConfig.cmake": "set(d_V $ENV{BAR})\n"}
+SETUP = """import os, subprocess
+from setuptools import setup
+subprocess.run(["true"], env={**os.environ, **dict(os.environ.items()), **os.environ.copy()}, check=True)
+setup(name="p", version=os.environ.get("VER", "1"), py_modules=["p"])
+"""
+"""Each Python package copies the environment to start other programs."""
+
+
+def test_a_changed_variable_rebuilds_exactly_the_packages_that_use_it(forge: Forge, tree: Tree) -> None:
+    conditional = '<exec_depend condition="$WITH_ZLIB == 1">zlib</exec_depend>'
+    files = {
+        **cmake("direct", "if(DEFINED ENV{FOO})\nadd_definitions(-DV=$ENV{FOO})\nendif()\n"),
+        **cmake("config", "install(FILES configConfig.cmake DESTINATION share/config/cmake)\n", build=False),
+        "src/config/configConfig.cmake": "set(config_V $ENV{BAR})\n",
+        **cmake(
+            "by_config",
+            "find_package(config REQUIRED)\nadd_definitions(-DV=1${config_V})\n",
+            "<depend>config</depend>",
         ),
-    )
-    builds.build({"FOO": "1"})
-    assert builds.build({"FOO": "2"}) == ["a"]
-    assert builds.build({"FOO": "2", "BAR": "3"}) == ["e"]
-    assert builds.build({"FOO": "2", "BAR": "3"}) == []
-    assert builds.same_as_clean({"FOO": "2", "BAR": "3"})
+        **cmake("by_file", "include(../../common.cmake)\n"),
+        "common.cmake": "set(x 1)\n",
+        **cmake("finds_root", "find_package(root REQUIRED)\nadd_definitions(-DV=${root_V})\n"),
+        **cmake("finds_dir", "find_package(dir REQUIRED)\nadd_definitions(-DV=${dir_V})\n"),
+        **{f"opt/{i}/share/root/cmake/rootConfig.cmake": f"set(root_V {i})\n" for i in "12"},
+        **{f"opt/{i}/share/dir/cmake/dirConfig.cmake": f"set(dir_V {i})\n" for i in "12"},
+        "opt/COLCON_IGNORE": "",
+        **cmake("condition", "", conditional),
+        "src/p/package.xml": manifest_text("p", build_type="ament_python"),
+        "src/p/setup.py": SETUP,
+        "src/p/p.py": "",
+    }
+    root = tree(files)
+    builds = Builds(forge, root)
+    variables = {"FOO": "1", "OTHER": "1", "root_ROOT": f"{root}/opt/1"}
+    variables["dir_DIR"] = f"{root}/opt/1/share/dir/cmake"
+    builds.build(variables)
+    for name, value, expected in (
+        ("FOO", "2", ["direct"]),
+        ("BAR", "3", ["by_config"]),
+        ("OTHER", "2", []),
+        ("VER", "2", ["p"]),
+        ("root_ROOT", f"{root}/opt/2", ["finds_root"]),
+        ("dir_DIR", f"{root}/opt/2/share/dir/cmake", ["finds_dir"]),
+        ("WITH_ZLIB", "1", ["condition"]),
+    ):
+        variables[name] = value
+        assert builds.build(variables) == expected, name
+    tree({"common.cmake": "add_definitions(-DV=$ENV{OTHER})\n"})
+    assert builds.build(variables) == ["by_file"]
+    variables["OTHER"] = "3"
+    assert builds.build(variables) == ["by_file"]
+    assert builds.same_as_clean(variables)
 
 
 SECRETS = {
@@ -160,67 +191,7 @@ def test_a_changed_variable_is_named_without_its_value(
     assert "geheim" not in ran.out + ran.err
 
 
-def test_a_variable_read_by_setup_py_causes_a_rebuild(forge: Forge, tree: Tree) -> None:
-    setup = "import os\nfrom setuptools import setup\n"
-    setup += "setup(name='p', version=os.environ.get('VER', '1'), py_modules=['p'])\n"
-    builds = Builds(
-        forge,
-        tree(
-            {
-                "src/p/package.xml": manifest_text("p", build_type="ament_python"),
-                "src/p/setup.py": setup,
-                "src/p/p.py": "",
-                "src/p/setup.cfg": "[install]\ninstall_scripts=$base/lib/p\n",
-            }
-        ),
-    )
-    builds.build()
-    assert builds.build({"OTHER": "2"}) == []
-    assert builds.build({"VER": "2"}) == ["p"]
-    assert builds.same_as_clean({"VER": "2"})
-
-
-def test_copying_the_environment_makes_no_variable_an_input(forge: Forge, tree: Tree) -> None:
-    """Each Python package copies it to start other programs."""
-    setup = """import os, subprocess
-from setuptools import setup
-subprocess.run(["true"], env={**os.environ, **dict(os.environ.items()), **os.environ.copy()}, check=True)
-setup(name="p", version=os.environ.get("VER", "1"))
-"""
-    files = {"src/p/package.xml": manifest_text("p", build_type="ament_python"), "src/p/setup.py": setup}
-    builds = Builds(forge, tree(files))
-    builds.build({"OTHER": "1", "VER": "1"})
-    assert builds.build({"OTHER": "2", "VER": "1"}) == []
-    assert builds.build({"VER": "1"}) == []
-    assert builds.build({"OTHER": "1", "VER": "2"}) == ["p"]
-
-
-def test_variables_in_included_external_files_cause_a_rebuild(forge: Forge, tree: Tree) -> None:
-    files = cmake("a", "include(../../common.cmake)\n") | {"common.cmake": "set(x 1)\n"}
-    root = tree(files)
-    builds = Builds(forge, root)
-    builds.build({"FOO": "1"})
-    assert builds.build({"FOO": "2"}) == []
-    tree({"common.cmake": "add_definitions(-DV=$ENV{FOO})\n"})
-    assert builds.build({"FOO": "2"}) == ["a"]
-    assert builds.build({"FOO": "3"}) == ["a"]
-    assert builds.same_as_clean({"FOO": "3"})
-
-
-@pytest.mark.parametrize("variable", ["zed_ROOT", "zed_DIR"])
-def test_find_package_variables_cause_a_rebuild(forge: Forge, tree: Tree, variable: str) -> None:
-    configs = {f"opt/z{i}/share/zed/cmake/zedConfig.cmake": f"set(zed_V {i})\n" for i in "12"}
-    text = "find_package(zed REQUIRED)\nadd_definitions(-DV=${zed_V})\n"
-    root = tree(cmake("a", text) | cmake("b", "") | configs | {"opt/COLCON_IGNORE": ""})
-    values = {i: f"{root}/opt/z{i}" + ("/share/zed/cmake" if variable == "zed_DIR" else "") for i in "12"}
-    builds = Builds(forge, root)
-    builds.build({variable: values["1"]})
-    assert builds.build({variable: values["2"]}) == ["a"]
-    assert builds.same_as_clean({variable: values["2"]})
-
-
 def path(*folders: Path) -> dict[str, str | None]:
-    """Return a PATH with folders in front."""
     return {"PATH": os.pathsep.join((*map(str, folders), os.environ["PATH"]))}
 
 
@@ -357,14 +328,6 @@ def test_modules_outside_the_cmake_installation_are_inputs(forge: Forge, tree: T
     tree({"opt/share/cmake/Modules/My.cmake": "set(VV 2)\n"})
     assert builds.build() == ["a"]
     assert builds.same_as_clean()
-
-
-def test_a_condition_on_an_external_dependency_is_an_input(forge: Forge, tree: Tree) -> None:
-    tag = '<exec_depend condition="$FOO == 1">zlib</exec_depend>'
-    builds = Builds(forge, tree(cmake("a", "", tag) | cmake("b", "")))
-    builds.build()
-    assert builds.build({"FOO": "1"}) == ["a"]
-    assert builds.same_as_clean({"FOO": "1"})
 
 
 def test_hooks_and_dependencies_in_colcon_meta_are_inputs(forge: Forge, tree: Tree) -> None:
