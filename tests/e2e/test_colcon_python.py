@@ -23,33 +23,42 @@ setup(name="NAME", version="0.1.0", packages=sorted({{"NAME", *find_packages()}}
 """
 CFG = "[install]\ninstall_scripts=$base/lib/NAME\n"
 HOOK = """
-from {module} import {command}
-class Hook({command}):
+import {module}
+class Hook_{command}({module}.{command}):
     def run(self):
         super().run()
-        with open(os.path.join(self.{folder}, "hook-NAME"), "w") as stream:
+        with open(os.path.join(self.{folder}, "hook-{command}"), "w") as stream:
             stream.write(" ".join(str(value) for value in (self.{folder}, sys.prefix, sys.argv[1])))
 """
 
 
 def setup(arguments: str = "", code: str = "", after: str = "", cfg: str = CFG) -> dict[str, str]:
-    """Return the setup files of a package."""
     return {"setup.py": SETUP.format(code=code, arguments=arguments, after=after), "setup.cfg": cfg}
 
 
-def hook(command: str, folder: str = "install_dir", module: str = "") -> dict[str, str]:
-    """Return a package with a command of its own."""
-    code = HOOK.format(module=module or f"setuptools.command.{command}", command=command, folder=folder)
-    return setup(f"cmdclass={{'{command}': Hook}},", code)
+def hooks(**folders: str) -> dict[str, str]:
+    """Return a package with commands of its own, which write into a folder that they know."""
+    code = ""
+    for command, folder in folders.items():
+        tool = "distutils" if command == "install_data" else "setuptools"
+        code += HOOK.format(module=f"{tool}.command.{command}", command=command, folder=folder)
+    classes = ", ".join(f"'{command}': Hook_{command}" for command in folders)
+    return setup(f"cmdclass={{{classes}}},", code)
 
 
 PACKAGES: dict[str, dict[str, str]] = {
-    "executable": {
+    "files": {
         **setup(
-            "scripts=['tool', 'shell'],", cfg=f"{CFG}[build_scripts]\nexecutable = /usr/bin/env python3\n"
+            "scripts=['tool', 'shell'], headers=['h.h'], include_package_data=True,",
+            cfg=f"{CFG}[build_scripts]\nexecutable = /usr/bin/env python3\n"
+            "[options.entry_points]\nplugins =\n  one = NAME.node\n",
         ),
         "tool": "#!/usr/bin/python -u\n",
         "shell": "#!/bin/sh\n",
+        "h.h": "",
+        "MANIFEST.in": "include NAME/a.txt\n",
+        "NAME/a.txt": "",
+        "NAME/b.txt": "",
     },
     "executable_option": setup("options={'build': {'executable': '/usr/bin/env python3'}},"),
     "folders": setup(
@@ -57,13 +66,15 @@ PACKAGES: dict[str, dict[str, str]] = {
     ),
     "folders_cfg": setup(cfg=f"{CFG}install_lib=$base/own\n"),
     "nothing": setup(cfg=""),
-    "post_install": hook("install", "install_scripts"),
-    "post_lib": hook("install_lib"),
-    "post_data": hook("install_data", module="distutils.command.install_data"),
-    "post_scripts": hook("install_scripts"),
-    "post_egg_info": hook("install_egg_info"),
-    "post_build": hook("build_py", "build_lib"),
-    "post_info": hook("egg_info", "egg_info"),
+    "post_install": hooks(install="install_scripts"),
+    "post_parts": hooks(
+        install_lib="install_dir",
+        install_data="install_dir",
+        install_scripts="install_dir",
+        install_egg_info="install_dir",
+    ),
+    "post_build": hooks(build_py="build_lib"),
+    "post_info": hooks(egg_info="egg_info"),
     "own_command": setup(
         "cmdclass={'install': Hook, 'own': Own},",
         """
@@ -84,7 +95,6 @@ class Hook(install):
 """,
     ),
     "twice": {**setup(after="setup(name='second', version='2', py_modules=['second'])"), "second.py": ""},
-    "headers": {**setup("headers=['h.h'],"), "h.h": ""},
     "namespace": {
         **setup("namespace_packages=['NAMEs'],"),
         "NAMEs/__init__.py": "__import__('pkg_resources').declare_namespace(__name__)\n",
@@ -103,19 +113,11 @@ PyMODINIT_FUNC PyInit_c(void) { return PyModule_Create(&module); }
         ),
         "setup.cfg": CFG,
     },
-    "package_data": {
-        **setup("include_package_data=True,"),
-        "MANIFEST.in": "include NAME/a.txt\n",
-        "NAME/a.txt": "",
-        "NAME/b.txt": "",
-    },
-    "points": setup(cfg=f"{CFG}[options.entry_points]\nplugins =\n  one = NAME.node\n"),
 }
 
 
 @pytest.fixture(scope="module")
 def colcon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Colcon]:
-    """Start colcon."""
     home = str(tmp_path_factory.mktemp("home"))
     running = Colcon({"HOME": home, "AMENT_PREFIX_PATH": "", "COLCON_LOG_PATH": "/dev/null"})
     yield running
