@@ -62,7 +62,6 @@ def times(install: Path) -> dict[str, int]:
 
 
 def build(forge: Forge, root: Path, *options: str) -> Ran:
-    """Build, which must go well."""
     ran = forge("build", *options, cwd=root)
     assert ran.code == 0, ran.out + ran.err
     return ran
@@ -494,7 +493,7 @@ def test_two_packages_that_install_the_same_file_reach_a_stable_state(
 def test_the_last_package_wins_even_if_an_earlier_one_takes_longer(
     forge: Forge, tree: Tree, options: tuple[str, ...]
 ) -> None:
-    slow = "execute_process(COMMAND sleep 1)\ninstall(FILES c.txt DESTINATION share)"
+    slow = "execute_process(COMMAND sleep 0.5)\ninstall(FILES c.txt DESTINATION share)"
     root = tree({**cmake("a", slow, **{"c.txt": "a"}), **contested("b", text="b")})
     for _ in range(2):
         build(forge, root, MERGED, *options)

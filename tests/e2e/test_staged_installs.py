@@ -7,8 +7,10 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -22,7 +24,7 @@ from tests.rosidl import DEBIAN
 pytestmark = [pytest.mark.needs("cmake")]
 
 KILLS = int(os.environ.get("FORGE_TEST_KILLS", "2"))
-FILES = 1000
+FILES = 400
 PROGRAM = """
 add_library(greet SHARED greet.c)
 add_executable(hello hello.c)
@@ -35,9 +37,27 @@ GREET = '#include <stdio.h>\nvoid greet(void) { puts("%s"); }\n'
 
 
 def inodes(prefix: Path) -> dict[str, tuple[int, int]]:
-    """Return inode and time of each installed file."""
     files = (path for path in prefix.rglob("*") if path.is_file() and not path.is_symlink())
     return {str(path.relative_to(prefix)): (path.stat().st_ino, path.stat().st_mtime_ns) for path in files}
+
+
+@contextmanager
+def repeating(look_once: Callable[[], Any], pause: float = 0.002) -> Iterator[list[Any]]:
+    """Call a function again and again in a thread; collect what it returns."""
+    returned, ended = [], threading.Event()
+
+    def look_often() -> None:
+        while not ended.is_set():
+            returned.append(look_once())
+            time.sleep(pause)
+
+    thread = threading.Thread(target=look_often)
+    thread.start()
+    try:
+        yield returned
+    finally:
+        ended.set()
+        thread.join()
 
 
 def hello(root: Path) -> subprocess.CompletedProcess[str]:
@@ -57,24 +77,12 @@ def test_an_installed_program_can_be_started_throughout_its_rebuild(
         cmake("a", PROGRAM, languages="C", **{"hello.c": HELLO, "greet.c": GREET % "0", "words.txt": ""})
     )
     build(forge, root, *options)
-    said, ended = [], threading.Event()
-
-    def run_often() -> None:
-        while not ended.is_set():
-            said.append(hello(root))
-            time.sleep(0.002)
-
-    starter = threading.Thread(target=run_often)
-    starter.start()
-    try:
+    with repeating(lambda: hello(root)) as said:
         for number in range(1, 4):
             tree({"src/a/greet.c": GREET % number, "src/a/hello.c": f"{HELLO}int more{number};\n"})
             build(forge, root, *options)
         tree({"src/a/greet.c": "broken"})
         assert forge("build", *options, cwd=root).code == 1
-    finally:
-        ended.set()
-        starter.join()
     assert {ran.returncode for ran in said} == {0}, [ran.stderr for ran in said if ran.returncode]
     assert hello(root).stdout == "3\n"
 
@@ -209,13 +217,6 @@ chmod 750 "$prefix/share/moved"
 """
 
 
-LAYOUTS = pytest.mark.parametrize(
-    "options",
-    [(), (LINKED,), (MERGED,), (LINKED, MERGED)],
-    ids=["copies", "links", "merged", "merged-links"],
-)
-
-
 def prefix_of(root: Path, name: str, options: tuple[str, ...]) -> Path:
     return root / "install" / ("" if MERGED in options else name)
 
@@ -229,26 +230,17 @@ def startable(program: Path) -> bool:
 
 def never_fails(program: Path, build_often: Callable[[], None]) -> None:
     """Start a program all the time during some builds."""
-    said, ended = [], threading.Event()
-
-    def run_often() -> None:
-        while not ended.is_set():
-            said.append(startable(program))
-            time.sleep(0.02)
-
-    starter = threading.Thread(target=run_often)
-    starter.start()
-    try:
+    with repeating(lambda: startable(program), 0.02) as said:
         build_often()
-    finally:
-        ended.set()
-        starter.join()
     assert all(said)
     assert len(said) > 1
 
 
-@LAYOUTS
-@pytest.mark.parametrize("body", ["", CODE], ids=["rules", "code"])
+@pytest.mark.parametrize(
+    ("body", "options"),
+    [("", ()), ("", (LINKED, MERGED)), (CODE, (LINKED,)), (CODE, (MERGED,))],
+    ids=["rules-copies", "rules-merged-links", "code-links", "code-merged"],
+)
 def test_install_rules_and_code_replace_only_changed_files(
     forge: Forge, tree: Tree, body: str, options: tuple[str, ...]
 ) -> None:
@@ -281,7 +273,7 @@ def test_install_rules_and_code_replace_only_changed_files(
 
 
 @pytest.mark.needs(str(DEBIAN), "g++")
-@LAYOUTS
+@pytest.mark.parametrize("options", [(), (LINKED, MERGED)], ids=["copies", "merged-links"])
 def test_programs_can_start_while_ament_of_a_distribution_installs(
     tmp_path: Path, options: tuple[str, ...]
 ) -> None:
@@ -433,14 +425,18 @@ class Rules:
             path.write_text(text)
 
 
-@LAYOUTS
-@pytest.mark.parametrize("seed", range(int(os.environ.get("FORGE_TEST_EXAMPLES", "2"))))
+@pytest.mark.parametrize(
+    "options",
+    [(), (LINKED,), (MERGED,), (LINKED, MERGED)],
+    ids=["copies", "links", "merged", "merged-links"],
+)
+@pytest.mark.parametrize("seed", range(int(os.environ.get("FORGE_TEST_EXAMPLES", "1"))))
 def test_changed_files_and_rules_install_as_in_a_clean_build(
     forge: Forge, tree: Tree, seed: int, options: tuple[str, ...]
 ) -> None:
     names = [*(f"f{number}" for number in range(1, 7)), "d/g1", "d/g2", "d/s/g1", "e/g1"]
     root = tree(cmake("a", "", **dict.fromkeys(names, "0")))
-    rules = Rules(random.Random(seed), root / "src/a")
+    rules = Rules(random.Random(f"{seed} {options}"), root / "src/a")
     rules.write()
     build(forge, root, *options)
     for turn in range(8):
@@ -496,7 +492,7 @@ def test_a_kill_between_two_files_loses_no_file(
         newest = share / "0"
         while newest.read_text() == str(turn + 1) and running.poll() is None:
             pass
-        time.sleep(chance.random() * 0.02)
+        time.sleep(chance.random() * 0.01)
         running.kill()
         running.wait()
         texts = {(share / f"{number}").read_text() for number in range(count)}
@@ -535,21 +531,9 @@ def test_a_python_package_stays_usable_during_its_rebuild(forge: Forge, tree: Tr
     build(forge, root)
     prefix = root / "install/p"
     before, program = inodes(prefix), prefix / "lib/p/hello"
-    said, ended = [], threading.Event()
-
-    def look_often() -> None:
-        while not ended.is_set():
-            said.append((program.is_file(), len([*prefix.rglob("__init__.py")])))
-            time.sleep(0.002)
-
-    watcher = threading.Thread(target=look_often)
-    watcher.start()
-    try:
+    with repeating(lambda: (program.is_file(), len([*prefix.rglob("__init__.py")]))) as said:
         tree({"src/p/p/__init__.py": "def main():\n    print(2)\n"})
         build(forge, root)
-    finally:
-        ended.set()
-        watcher.join()
     assert {*said} == {(True, 1)}
     after = inodes(prefix)
     changed = {path for path in before | after if before.get(path) != after.get(path)}

@@ -45,7 +45,6 @@ class Watch:
     """A running `forge build --watch` and what it says, line by line as it comes."""
 
     def __init__(self, root: Path, *options: str, prefix: tuple[str, ...] = ()) -> None:
-        """Start it."""
         argv = [*prefix, sys.executable, "-m", "forge", "build", "--watch", *options]
         environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}
         self.process = subprocess.Popen(
@@ -91,14 +90,12 @@ class Watch:
         assert self.line() == "nothing to do"
 
     def rebuilt(self) -> str:
-        """Return who was rebuilt, as the next line says."""
         line = self.line()
         found = REBUILT.fullmatch(line)
         assert found, "\n".join((line, *self.said))
         return found[1]
 
     def close(self) -> None:
-        """End it in any case."""
         self.process.kill()
         self.process.wait()
         self._reader.join()
@@ -307,10 +304,12 @@ def test_an_interrupt_ends_watch_mode_with_130(tree: Tree) -> None:
     with watching(root) as watch:
         text = (root / "src/a/CMakeLists.txt").read_text()
         (root / "src/a/CMakeLists.txt").write_text(text.replace("sleep 0", "sleep 77.31"))
-        time.sleep(1.5)
+        search = ["pgrep", "-f", "sleep 77.31"]
+        end = time.monotonic() + 30
+        while subprocess.run(search, capture_output=True, check=False).returncode and time.monotonic() < end:
+            time.sleep(0.1)
         assert watch.end() == 130
-        found = subprocess.run(["pgrep", "-f", "sleep 77.31"], capture_output=True, check=False)
-        assert found.returncode == 1
+        assert subprocess.run(search, capture_output=True, check=False).returncode == 1
 
 
 @pytest.mark.parametrize("other", ["--dry-run", "--print-command=a"])
