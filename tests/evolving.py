@@ -355,7 +355,6 @@ class Save:
     keeps_time: bool = False
 
     def __call__(self) -> None:
-        """Write it."""
         if not self.path.parent.is_dir():
             return
         before = self.path.stat() if self.path.exists() else None
@@ -387,7 +386,6 @@ class Evolving:
 
     @property
     def home(self) -> Path:
-        """The workspace itself."""
         return self.root / "ws"
 
     @property
@@ -397,7 +395,6 @@ class Evolving:
 
     @property
     def under(self) -> Path:
-        """The underlay."""
         return self.root / "under"
 
     @property
@@ -408,7 +405,6 @@ class Evolving:
 
     @property
     def packages(self) -> tuple[str, ...]:
-        """The packages that there are."""
         return tuple(name for name in NEEDS if (self.home / "src" / name).is_dir())
 
     def write(self, files: Mapping[str, str]) -> None:
@@ -468,7 +464,6 @@ class Evolving:
             shutil.rmtree(folder)
 
     def options(self) -> tuple[str, ...]:
-        """Return the words of the next build."""
         words = ["--merge-install"] if self.merged else []
         words += ["--symlink-install"] if self.symlink else []
         return (*words, *(["--cmake-args", *sorted(self.arguments)] if self.arguments else ()))
@@ -552,7 +547,6 @@ def _remark(workspace: Evolving, number: int) -> set[str]:
 
 
 def _change(workspace: Evolving, number: int) -> set[str]:
-    """Change what a file says, in place."""
     path = _changeable(workspace, number)
     if path is None:
         return set()
@@ -612,7 +606,6 @@ def _add(workspace: Evolving, number: int) -> set[str]:
 
 
 def _remove(workspace: Evolving, number: int) -> set[str]:
-    """Remove a file that was added."""
     added = [path for path in _sources(workspace) if "dded" in path.name]
     if not added:
         return set()
@@ -921,7 +914,6 @@ def _delete_installed(workspace: Evolving, number: int) -> set[str]:
 
 
 def _overwrite_installed(workspace: Evolving, number: int) -> set[str]:
-    """Write something else into an installed file."""
     owned = [(path, package) for path, package in _installed(workspace) if not path.is_symlink()]
     if not owned:
         return set()
@@ -1047,7 +1039,6 @@ EDITS = {
 
 
 def _sources(workspace: Evolving) -> list[Path]:
-    """Return the files of all packages, sorted."""
     return sorted(p for p in (workspace.home / "src").rglob("*") if p.is_file() and not p.is_symlink())
 
 

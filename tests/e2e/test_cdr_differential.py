@@ -92,7 +92,6 @@ def _described(type_: Type) -> Any:
 
 
 def class_of(name: TypeName) -> Any:
-    """Return forge's class of a message."""
     stem = name.name.partition("_")[0]
     return getattr(import_module(f"{name.package}.{name.kind}._{snake_case(stem)}"), name.name)
 

@@ -291,7 +291,6 @@ def write_run(folder: Path, needs: Mapping[str, tuple[str, ...]]) -> None:
 
 
 def number_of(browser: Browser, name: str) -> int:
-    """Return the number of a package's node."""
     return browser.texts(".node text:first-of-type").index(name)
 
 

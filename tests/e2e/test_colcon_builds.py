@@ -25,14 +25,12 @@ ONE = ("--executor", "sequential")
 
 @pytest.fixture(scope="module")
 def colcon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Colcon]:
-    """Start colcon for all tests."""
     with colcon_in(tmp_path_factory.mktemp("home"), COLCON_LOG_PATH="/dev/null") as running:
         yield running
 
 
 @pytest.fixture
 def twins(tmp_path: Path, colcon: Colcon, forge: Forge) -> Twins:
-    """Return two copies of an empty workspace."""
     return Twins(tmp_path, forge, colcon)
 
 
@@ -45,7 +43,6 @@ def told(ran: Ran) -> list[str]:
 
 
 def notes(root: Path) -> dict[str, str]:
-    """Return colcon's note on each package's build."""
     return {path.parent.name: path.read_text().strip() for path in root.glob("build/*/colcon_build.rc")}
 
 

@@ -16,7 +16,6 @@ pytestmark = [pytest.mark.slow, pytest.mark.needs("colcon", "cmake", "make")]
 
 
 def python_package(twins: Twins, name: str, more: str = "") -> None:
-    """Write a Python package into both workspaces."""
     twins.write(f"src/{name}/package.xml", manifest_text(name, build_type="ament_python"))
     setup = f"setup(name='{name}', version='1', packages=['{name}'])"
     twins.write(f"src/{name}/setup.py", f"from setuptools import setup\n{more}\n{setup}\n")
@@ -25,7 +24,6 @@ def python_package(twins: Twins, name: str, more: str = "") -> None:
 
 @pytest.fixture
 def twins(tmp_path: Path, forge: Forge) -> Iterator[Twins]:
-    """Return two copies of an empty workspace."""
     running = Twins(tmp_path, forge)
     running.write("src/README")
     yield running

@@ -26,13 +26,11 @@ LEFT_OUT_OF = {"extensions": {"--all", "--verbose"}}
 
 @pytest.fixture(scope="module")
 def colcon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Colcon]:
-    """Start colcon for all tests."""
     with colcon_in(tmp_path_factory.mktemp("home"), COLCON_LOG_PATH="/dev/null") as running:
         yield running
 
 
 def workspace(tmp_path: Path, seed: int, **shape: bool) -> Path:
-    """Return the workspace of a seed."""
     return write_random_workspace(tmp_path / "ws", random.Random(seed), Shape(**shape))
 
 
@@ -41,7 +39,6 @@ _UNKNOWN = re.compile(r"error: (--packages-select-by-dep: )?no package named")
 
 
 def both(colcon: Colcon, forge: Forge, root: Path, *argv: str) -> tuple[Ran, Ran]:
-    """Run the same words with both."""
     ours = forge(*argv, cwd=root, env=ROS)
     theirs = colcon(*argv, cwd=root)
     if _UNKNOWN.match(ours.err):

@@ -73,7 +73,6 @@ class Both(Protocol):
 
 @pytest.fixture(scope="module")
 def colcon(surroundings: dict[str, str]) -> Iterator[Colcon]:
-    """Start colcon above that underlay."""
     running = Colcon({**surroundings, "COLCON_LOG_PATH": "/dev/null"})
     yield running
     running.end()
@@ -81,8 +80,6 @@ def colcon(surroundings: dict[str, str]) -> Iterator[Colcon]:
 
 @pytest.fixture
 def both(colcon: Colcon, forge: Forge, surroundings: dict[str, str]) -> Both:
-    """Build with both."""
-
     def build(root: Path, *options: str) -> tuple[Path, Path]:
         homes = root / "ours", root / "theirs"
         for home in homes:

@@ -87,7 +87,6 @@ def both(
     tree: Tree,
     surroundings: dict[str, str],  # noqa: F811
 ) -> Iterator[Twins]:
-    """Return two copies of a workspace."""
     root = tree({f"{who}/{name}": text for who in ("ours", "theirs") for name, text in request.param.items()})
     running = Twins(root, forge, Colcon(surroundings), surroundings)
     yield running

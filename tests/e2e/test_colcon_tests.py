@@ -32,13 +32,11 @@ ament_package()
 
 @pytest.fixture(scope="module")
 def colcon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Colcon]:
-    """Start colcon for all tests."""
     with colcon_in(tmp_path_factory.mktemp("home")) as running:
         yield running
 
 
 def without_times(ran: Ran) -> list[str]:
-    """Return the lines that are the same in every run."""
     return [re.sub(r"\d{8}-\d{4}|\[[\d.]+s\]", "", line) for line in ran.out.splitlines()]
 
 
@@ -50,7 +48,6 @@ def results(root: Path) -> set[str]:
 
 
 def notes(root: Path) -> dict[str, str]:
-    """Return colcon's note on each package's tests."""
     return {path.parent.name: path.read_text() for path in root.glob("build/*/colcon_test.rc")}
 
 
@@ -222,7 +219,6 @@ TEXTS = ["one", "one\ntwo\n", "\n\n  indented\nlines", ""]
 
 
 def random_ctest(chance: random.Random) -> str:
-    """Return a file of CTest."""
     tests = "".join(
         f'<Test Status="{chance.choice(["passed", "failed", "notrun", "odd"])}"><Name>c{number}</Name>'
         f"<Results><Measurement><Value>{chance.choice(TEXTS)}</Value></Measurement></Results></Test>"

@@ -29,7 +29,6 @@ MAGENTA = b"\x1b[01;35m"
 
 
 def on_terminal(root: Path, *words: str, **variables: str) -> bytes:
-    """Run forge on a terminal; return what it shows."""
     here, there = pty.openpty()
     plain = {name: value for name, value in os.environ.items() if name not in {"NO_COLOR", "CLICOLOR"}}
     environment = {**plain, "PYTHONPATH": str(ROOT), "TERM": "xterm", **variables}

@@ -57,7 +57,6 @@ class Counts:
     """The system calls of one command, and the programs that it and all below it started."""
 
     def __init__(self, trace: str) -> None:
-        """Count the calls in what strace wrote."""
         calls = [call for call in map(CALL.match, _whole(trace)) if call and call[2] in KIND]
         started = [call for call in calls if KIND[call[2]] == "start" and "= -1" not in call[4]]
         self.programs = Counter(Path(call[3]).name for call in started)
@@ -96,7 +95,6 @@ def _whole(trace: str) -> Iterator[str]:
 
 
 def counted(workspace: Path, variables: Mapping[str, str]) -> Counts:
-    """Run `forge build` under strace."""
     trace = workspace.with_suffix(".trace")
     # '?': a call that this machine does not have is no fault.
     strace = ("strace", "-f", "-qq", "-s", "4096", "-o", trace, "-e", f"trace=?{',?'.join(KIND)}")

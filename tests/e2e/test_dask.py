@@ -37,7 +37,6 @@ install(FILES here.hpp DESTINATION include/{name})
 
 
 def cmake(name: str, body: str, *needs: str, languages: str = "NONE") -> dict[str, str]:
-    """Return a package of plain CMake."""
     depends = "".join(f"<depend>{need}</depend>" for need in needs)
     return {
         f"src/{name}/package.xml": manifest_text(name, depends, build_type="cmake"),
@@ -67,7 +66,6 @@ def plain(name: str, *needs: str) -> dict[str, str]:
 
 
 def python(name: str, *needs: str) -> dict[str, str]:
-    """Return a package of Python."""
     depends = "".join(f"<depend>{need}</depend>" for need in needs)
     return {
         f"src/{name}/package.xml": manifest_text(name, depends, build_type="ament_python"),
@@ -87,7 +85,6 @@ class Workspace:
         self.options = ("--executor", "dask", "--scheduler", cluster.address, *options)
 
     def start(self, *words: str, env: Mapping[str, str] | None = None) -> subprocess.Popen[str]:
-        """Start a build."""
         return subprocess.Popen(
             (sys.executable, "-m", "forge", "build", *words),
             cwd=self.home,
@@ -135,7 +132,6 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Loopback]:
 
 
 def until(holds: Callable[[], object], seconds: float = 30.0) -> None:
-    """Wait until something holds."""
     last = time.monotonic() + seconds
     while not holds():
         assert time.monotonic() < last

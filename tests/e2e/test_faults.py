@@ -54,7 +54,6 @@ while [ -e $1/../../wait ]; do sleep 0.1; done
 
 
 def package(name: str, work: str = PLAIN, *depends: str) -> dict[str, str]:
-    """Return a package whose build is a script."""
     needs = (f"<depend>{need}</depend>" for need in depends)
     return {
         f"src/{name}/package.xml": manifest_text(name, *needs, build_type="cmake"),
@@ -65,7 +64,6 @@ def package(name: str, work: str = PLAIN, *depends: str) -> dict[str, str]:
 
 
 def command(*options: str) -> list[str]:
-    """Return the words that build."""
     return [sys.executable, "-m", "forge", "build", *options]
 
 
@@ -81,7 +79,6 @@ def start(root: Path, *options: str, **more: int) -> subprocess.Popen[str]:
 
 
 def run(root: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    """Build to the end."""
     return subprocess.run(
         command(*options), cwd=root, env=environment(), capture_output=True, text=True, check=False
     )
@@ -249,7 +246,6 @@ def shell_of_a_user(home: Path, *argv: str) -> Iterator[subprocess.Popen[str]]:
 
 
 def go(home: Path) -> None:
-    """Let the shell build."""
     with (home / "go").open("w") as stream:
         stream.write("\n")
 

@@ -48,8 +48,6 @@ def write(name: str, text: str) -> Callable[[Path], object]:
 
 
 def swap(name: str, one: str, other: str) -> Callable[[Path], object]:
-    """Return an edit that replaces a part of a file."""
-
     def edit(root: Path) -> None:
         text = (root / name).read_text(encoding="utf-8")
         assert one in text

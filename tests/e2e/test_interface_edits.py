@@ -68,7 +68,6 @@ def is_as_clean(forge: Forge, root: Path) -> bool:
 
 
 def generated(root: Path) -> dict[Path, tuple[int, int]]:
-    """Return inode and time of each generated file."""
     files = (path for path in (root / "build/shapes").glob("rosidl*/**/*.[hi]*") if path.is_file())
     return {path: (path.stat().st_ino, path.stat().st_mtime_ns) for path in files}
 

@@ -32,7 +32,6 @@ ament_package()
 
 
 def python_package(name: str, *depends: str, text: str = FOREIGN, first: str = "") -> dict[str, str]:
-    """Return a Python package with one module."""
     needs = (f"<depend>{need}</depend>" for need in depends)
     return {
         f"src/{name}/package.xml": manifest_text(name, *needs, build_type="ament_python"),
@@ -43,7 +42,6 @@ def python_package(name: str, *depends: str, text: str = FOREIGN, first: str = "
 
 
 def interfaces(*depends: str) -> dict[str, str]:
-    """Return a package with a message."""
     lines = (
         *(f"<depend>{need}</depend>" for need in depends),
         "<buildtool_depend>ament_cmake</buildtool_depend>",
@@ -86,7 +84,6 @@ def test_packages_can_have_the_names_of_forge_and_its_libraries(tree: Tree) -> N
 
 @pytest.fixture
 def foreign(tree: Tree) -> Path:
-    """Return a folder with unwanted modules."""
     return tree({f"foreign/{name}/__init__.py": FOREIGN for name in NAMES}) / "foreign"
 
 

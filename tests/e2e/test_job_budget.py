@@ -51,7 +51,6 @@ class Watch:
 
     @property
     def most(self) -> int:
-        """Return the largest number seen."""
         return max(self.counts)
 
     def look(self) -> None:

@@ -44,7 +44,6 @@ def package(name: str, files: int = 1) -> dict[str, str]:
 
 
 def installed(root: Path) -> dict[str, bytes]:
-    """Return every installed file with its contents."""
     base = root / "install"
     return {
         str(path.relative_to(base)): path.read_bytes() for path in sorted(base.rglob("*")) if path.is_file()
@@ -196,7 +195,6 @@ def test_errors_name_files_as_without_ccache(forge: Forge, tree: Tree) -> None:
 
 
 def first_error(ran: Ran) -> list[str]:
-    """Return the lines below 'first error'."""
     lines = ran.err.splitlines()
     begin = next(number for number, line in enumerate(lines) if "first error" in line)
     return [line for line in lines[begin:] if line.startswith("    ")]
@@ -212,7 +210,6 @@ class Server:
 
     @property
     def compiled(self) -> int:
-        """How many sources it compiled."""
         return self.log.read_text(errors="replace").count(" COMPILE_OK ")
 
     def end(self) -> None:

@@ -59,12 +59,10 @@ def packages(more: str = "", kind: str = "SHARED") -> dict[str, str]:
 
 
 def started(ran: Ran) -> list[str]:
-    """Return the packages that were built."""
     return [line.split()[2] for line in ran.out.splitlines() if line.startswith("Starting >>>")]
 
 
 def change(root: Path, count: int = 4, number: int = 2) -> None:
-    """Write another base.cpp."""
     (root / "src/base/base.cpp").write_text(CODE.format(count=count, number=number))
 
 

@@ -30,7 +30,6 @@ install(FILES package.xml DESTINATION share/{name})
 
 
 def package(name: str, seconds: float, command: str = "true", *depends: str) -> dict[str, str]:
-    """Return a package that takes its time."""
     needs = (f"<depend>{need}</depend>" for need in depends)
     return {
         f"src/{name}/package.xml": manifest_text(name, *needs, build_type="cmake"),
@@ -61,7 +60,6 @@ class Terminal:
         self.written = b""
 
     def resize(self, columns: int, height: int) -> None:
-        """Change the size of the window."""
         fcntl.ioctl(self._ours, termios.TIOCSWINSZ, struct.pack("HHHH", height, columns, 0, 0))
         self.screen.resize(height, columns)
 
@@ -89,7 +87,6 @@ class Terminal:
 def build(
     root: Path, *options: str, size: tuple[int, int] = (80, 24), variables: Mapping[str, str] | None = None
 ) -> Terminal:
-    """Start a build on a terminal."""
     return Terminal([sys.executable, "-m", "forge", "build", *options], root, size, variables or {})
 
 

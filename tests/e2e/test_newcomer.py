@@ -33,7 +33,6 @@ COMPILERS = ("c++", "g++", "gcc", "cc", "clang", "c89", "c99")
 
 
 def manifest(name: str, *depends: str, build_type: str = "cmake") -> str:
-    """Return a package.xml."""
     lines = "\n  ".join(f"<depend>{depend}</depend>" for depend in depends)
     return MANIFEST.format(name=name, depends=lines, build_type=build_type)
 

@@ -34,7 +34,6 @@ def code(package: str, *patterns: str) -> str:
 
 
 def manifest_of(package: str) -> Manifest:
-    """Return what a package.xml says."""
     path = SOURCES / package / "package.xml"
     return parse_manifest(path.read_bytes(), path, {})
 

@@ -332,7 +332,6 @@ NO_UTF8 = os.fsdecode(b"\xff\xfe\n.txt")
 
 
 def installed(root: Path) -> set[str]:
-    """Return the names of all installed files."""
     return {path.name for path in (root / "install").rglob("*") if path.is_file()}
 
 

@@ -27,7 +27,6 @@ SMALL = {name: text for name, text in PLAIN.items() if name.startswith(("src/dat
 
 @pytest.fixture
 def nginx(tmp_path: Path) -> Iterator[Nginx]:
-    """Run a server with an empty cache."""
     with serving(tmp_path / "nginx") as running:
         yield running
 
@@ -41,7 +40,6 @@ class Clone:
 
     @property
     def cache(self) -> Path:
-        """The local cache."""
         return self.folder.with_name(f"{self.folder.name} cache")
 
     def build(self, *words: str, env: Mapping[str, str] | None = None) -> Ran:
@@ -52,7 +50,6 @@ class Clone:
         return ran
 
     def tree(self) -> Mapping[str, Entry]:
-        """Return what is installed."""
         return look(self.folder / "install")
 
     def forget(self) -> None:
@@ -63,7 +60,6 @@ class Clone:
 
 @pytest.fixture
 def clone(tmp_path: Path, forge: Forge) -> Callable[[str], Clone]:
-    """Make clones of the two packages."""
     return lambda name: Clone(write_files(tmp_path / name, SMALL), forge)
 
 
