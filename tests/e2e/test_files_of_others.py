@@ -204,7 +204,6 @@ def test_unowned_files_survive_random_edits(forge: Forge, tree: Tree, options: t
 
 
 def installed(root: Path) -> dict[str, bytes | str]:
-    """Return the files and links of an install folder."""
     return {
         str(path.relative_to(root)): str(path.readlink()) if path.is_symlink() else path.read_bytes()
         for path in (root / "install").rglob("*")
@@ -344,11 +343,8 @@ def test_a_pipe_or_folder_in_place_of_a_file_is_kept(
 
 
 @MERGED
-@pytest.mark.parametrize(
-    "command", ["rm -r SHARE/mine", "mv SHARE/mine SHARE/theirs", "rm -r SHARE/mine; touch SHARE/mine"]
-)
 def test_unowned_files_removed_by_install_code_are_restored(
-    forge: Forge, tree: Tree, options: tuple[str, ...], command: str
+    forge: Forge, tree: Tree, options: tuple[str, ...]
 ) -> None:
     """After a build that fails, and after one that does not."""
     root = tree(plain(""))
@@ -360,10 +356,11 @@ def test_unowned_files_removed_by_install_code_are_restored(
     (share / "mine/empty").mkdir()
     before = {path: text for path, text in installed(root).items() if "mine" in path}
     lists = root / "src/a/CMakeLists.txt"
-    script = command.replace("SHARE", "${CMAKE_INSTALL_PREFIX}/share/a")
-    code = f'install(CODE [[execute_process(COMMAND sh -c "{script}" COMMAND_ERROR_IS_FATAL ANY)]])'
     good = lists.read_text()
-    for end in (FAILS, ""):
+    commands = ("rm -r SHARE/mine", "rm -r SHARE/mine; touch SHARE/mine", "mv SHARE/mine SHARE/theirs")
+    for command, end in itertools.product(commands, (FAILS, "")):
+        script = command.replace("SHARE", "${CMAKE_INSTALL_PREFIX}/share/a")
+        code = f'install(CODE [[execute_process(COMMAND sh -c "{script}" COMMAND_ERROR_IS_FATAL ANY)]])'
         lists.write_text(f"{good}{code}\n{end}")
         ran = forge("build", *options, cwd=root)
         assert ran.code == (1 if end else 2 if "touch" in command else 0), ran.out + ran.err
@@ -597,20 +594,27 @@ def test_unowned_scripts_next_to_scripts_of_a_package_are_kept(
     assert [path for path in mine if not path.is_file()] == []
 
 
+WAIT = 'turn=0; until [ -e "$1" ] || [ $((turn += 1)) -gt 600 ]; do sleep 0.05; done'
+"""Waits for a file, for half a minute at most."""
+
+
 @pytest.mark.parametrize("end", ["", "message(FATAL_ERROR no)"], ids=["well", "failing"])
-def test_an_unowned_file_in_a_renamed_folder_is_kept(forge: Forge, tree: Tree, end: str) -> None:
+def test_an_unowned_file_in_a_renamed_folder_is_kept(
+    forge: Forge, tree: Tree, tmp_path: Path, end: str
+) -> None:
     """The folder is the package's, the file is not."""
     code = f"""install(CODE [[
 file(WRITE "${{CMAKE_INSTALL_PREFIX}}/draft/own" x)
 file(RENAME "${{CMAKE_INSTALL_PREFIX}}/draft" "${{CMAKE_INSTALL_PREFIX}}/data")
-execute_process(COMMAND sleep 2)
+execute_process(COMMAND sh {tmp_path}/wait.sh {tmp_path}/go)
 {end}]])"""
-    root = tree(plain(code))
+    root = tree({**plain(code), "wait.sh": WAIT})
     with subprocess.Popen([sys.executable, "-m", "forge", "build"], cwd=root, stdout=subprocess.DEVNULL):
         while not (root / "install/a/data/own").exists():
             time.sleep(0.05)
         mine = root / "install/a/data/mine"
         mine.write_text("mine")
+        (root / "go").touch()
     assert mine.is_file()
     assert (root / "install/a/data/own").exists() is not bool(end)
     (root / "src/a/CMakeLists.txt").write_text(plain("")["src/a/CMakeLists.txt"])
@@ -649,7 +653,7 @@ def test_a_file_written_at_a_formerly_installed_path_is_kept(
     root = tree(plain("install(FILES d/f DESTINATION share/a)"))
     assert forge("build", *options, cwd=root).code == 0
     mine = root / "install" / ("" if options else "a") / "share/a/f"
-    slow = "add_custom_target(slow ALL COMMAND sleep 2)"
+    slow = "add_custom_target(slow ALL COMMAND sleep 0.5)"
     (root / "src/a/CMakeLists.txt").write_text(plain(slow)["src/a/CMakeLists.txt"])
     words = [sys.executable, "-m", "forge", "build", *options]
     with subprocess.Popen(words, cwd=root, stdout=subprocess.DEVNULL):
