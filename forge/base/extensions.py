@@ -84,6 +84,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "cached": "forge.plugins.cached_tests.cached",
         "compile_commands": "forge.plugins.compile_commands.merging",
         "compiler-launcher": "forge.plugins.compiler_launchers.statistics",
+        "explain": "forge.plugins.explain.explain",
         "mixin": "forge.plugins.mixins.mixins",
         "packages-select-changed": "forge.plugins.git_changes.changes",
         "toolchain-cache": "forge.plugins.compiler_probe.probe",

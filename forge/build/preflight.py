@@ -1,4 +1,4 @@
-"""Checks and messages before a build: paths, lengths of variables, stale packages, reasons to rebuild.
+"""Checks before a build: paths, lengths of variables, stale packages.
 
 Linux limits each environment variable to 128 KiB. In the isolated layout, each package adds its prefix to
 several variables, so large workspaces reach the limit; in the merged layout, all packages share one entry.
@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING
 from forge.base.errors import Problem
 from forge.base.layout import IGNORE_MARK, Layout
 from forge.base.text import listed
-from forge.build.up_to_date import InputChange, InputKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from forge.build.model import BuildRecord, Snapshot
+    from forge.build.model import BuildRecord
     from forge.build.tasks import BuildPlan
     from forge.workspace.model import Package
 
@@ -150,44 +149,3 @@ def is_removed_package(source: Path) -> bool:
         for folder in (source, *source.parents)
         for marker in (IGNORE_MARK, "AMENT_IGNORE")
     )
-
-
-_SHOWN = 5
-"""The maximum number of lines."""
-
-
-def announcements(plan: BuildPlan, snapshot: Snapshot) -> Iterator[str]:
-    """Yield a line for each changed option, variable, tool or external file with the number of packages.
-
-    Embedded packages, and packages that are only rebuilt if a dependency changes, are not counted.
-    """
-    groups: dict[object, list[InputChange]] = {}
-    for task in plan.tasks.values():
-        record, change = snapshot.records.get(task.name), task.change
-        if task.embedded or record is None or record.inputs.sources != task.inputs.sources:
-            continue
-        if change is not None and change.kind is not InputKind.OWN:
-            is_option = change.kind is InputKind.OPTION
-            groups.setdefault(is_option or change.names or change.text, []).append(change)
-    most_first = sorted(groups.values(), key=len, reverse=True)
-    for changes in most_first[:_SHOWN]:
-        first, names = changes[0], dict.fromkeys(name for change in changes for name in change.names)
-        text = first.text
-        if first.kind is InputKind.OPTION:
-            listed_names = f": {', '.join(names)}" if names else ""
-            text = f"options changed since the last build{listed_names}"
-        elif first.kind is InputKind.VARIABLE and len(names) > 1:
-            text = f"the environment variables {', '.join(map(repr, names))} changed"
-        line = f"{text}; {_rebuilt(len(changes))}"
-        # Variables that sourcing sets cannot simply be unset.
-        if first.kind is InputKind.VARIABLE and not any(name.endswith("PATH") for name in names):
-            it = "it" if len(names) == 1 else "them"
-            remedy = f"unset {it}" if first.added >= names.keys() else f"set {it} as before"
-            line += f"; {remedy} to keep {'it' if len(changes) == 1 else 'them'}"
-        yield line
-    if rest := sum(map(len, most_first[_SHOWN:])):
-        yield f"{_rebuilt(rest)} for other reasons, which '--explain' shows"
-
-
-def _rebuilt(count: int) -> str:
-    return "1 package is rebuilt" if count == 1 else f"{count} packages are rebuilt"

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from forge.base.distributions import check_distribution, distribution_option
-from forge.base.errors import Problem, SelectionError
+from forge.base.errors import HostError, Problem, SelectionError
+from forge.base.extensions import OPTIONS, absent
 from forge.base.frozen import frozen
 from forge.base.options import flag, option, options_of
 from forge.base.text import listed
@@ -221,6 +222,8 @@ class BuildOptions:
             if self.watch and value:
                 message = f"'--watch' cannot be combined with '{word}'"
                 raise SelectionError(Problem(message, hint="remove one of them"))
+        if self.explain and (problem := absent(OPTIONS, "explain", "option")):
+            raise HostError(problem)
         _ = self.reporters, self.folders.level  # raises ForgeError for invalid values
         if self.has_timings:
             self.folders.require_logs()

@@ -116,6 +116,7 @@ def test_forge_builds_without_the_plugin(
         ("list --packages-select-changed", "option 'packages-select-changed'", "git_changes", ""),
         ("pkg create a", "verb 'create'", "create", ""),
         ("build --watch", "option 'watch'", "watch", ""),
+        ("build --explain", "option 'explain'", "explain", ""),
         ("build --timings", "reporter 'timings'", "charts", ""),
         ("test --coverage", "reporter 'coverage'", "coverage", ""),
     ],

@@ -6,29 +6,27 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 from forge.base.env_vars import compiled_templates
 from forge.base.errors import Problem, SelectionError, WorkspaceError, raise_if_any
-from forge.base.extensions import OPTIONS, find
+from forge.base.extensions import OPTIONS, find, is_installed
 from forge.base.layout import LAST_COMMAND, SCRATCH_DIR, TEMPLATES_DIR, Layout
 from forge.base.templating import keep_compiled
-from forge.base.text import counted, listed
+from forge.base.text import listed
 from forge.build.folder_marks import create_output_folders, mark_layout
-from forge.build.model import Snapshot
 from forge.build.preflight import stale_package_warnings
 from forge.build.state import BuildState
-from forge.build.tasks import BuildPlan, step_line
+from forge.build.tasks import BuildPlan
 from forge.cli.build_options import BuildOptions
 from forge.cli.main import Parser
 from forge.cli.options import LOG_LEVELS, add_options, read_options
 from forge.cli.preparation import BuildMode, PreparedBuild, check_plan, make_plan, prepare
 from forge.execution.lock import lock_build_dir, lock_install_dir
 from forge.output.console import ConsoleReporter
-from forge.workspace.model import Package
 
 
 def register(parser: Parser) -> None:
@@ -66,7 +64,15 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
         prepared = replace(prepared, began=prepared.began + waited)
         plan, snapshot = make_plan(prepared, state)
         check_plan(plan, prepared)
-        _print_plan(plan, snapshot, prepared)
+        asked = options.explain or options.dry_run or options.folders.level <= LOG_LEVELS["info"]
+        if (asked or (plan.tasks and not mode.quiet)) and is_installed(OPTIONS, "explain"):
+            find(OPTIONS, "explain", "option").print_plan(plan, snapshot, prepared)
+        elif options.dry_run and not options.report.json:
+            print(*plan.tasks, sep="\n")
+        if options.dry_run and options.report.json:
+            from forge.output.json_events import JsonEvents
+
+            JsonEvents(plan, loaded.packages, printed=True).announce(steps=True)
         if not options.dry_run:
             state.recover()
             state.remove_embedded(loaded.resolution.superseded)
@@ -114,35 +120,6 @@ def _output_folders(layout: Layout, options: BuildOptions) -> Iterator[float]:
         yield waited + waited_again
 
 
-def _print_plan(plan: BuildPlan, snapshot: Snapshot, build: PreparedBuild) -> None:
-    """Print the plan for --explain and --dry-run on stdout, or for --log-level info on stderr.
-
-    Before it, print announcements of packages whose sources did not change.
-    """
-    options, mode, packages = build.options, build.mode, build.loaded.packages
-    if plan.tasks and not mode.quiet:
-        from forge.build.preflight import announcements
-
-        for line in announcements(plan, snapshot):
-            print(line, file=sys.stderr, flush=True)
-    if not plan.tasks and mode.silent_if_up_to_date:
-        return
-    if options.report.json and options.dry_run:
-        from forge.output.json_events import JsonEvents
-
-        JsonEvents(plan, packages, printed=True).announce(steps=True)
-        return
-    # With --json the events contain the reasons.
-    requested = (options.explain or options.dry_run) and not options.report.json
-    level = options.folders.level
-    if not requested and level > LOG_LEVELS["info"]:
-        return
-
-    with_commands = options.dry_run if requested else level <= LOG_LEVELS["debug"]
-    lines = (*explain(plan, packages, options.query.named), *(commands(plan) if with_commands else ()))
-    print(*lines, sep="\n", file=sys.stdout if requested else sys.stderr)
-
-
 def _finish_up_to_date(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> None:
     """Finish the records, and report that all packages are up to date."""
     options, mode, packages = build.options, build.mode, build.loaded.packages
@@ -161,29 +138,6 @@ def _finish_up_to_date(plan: BuildPlan, build: PreparedBuild, state: BuildState)
         mode.conclude(plan, report, seconds)
     if options.query.strict:
         raise_if_any(state.merged_prefix.conflicts(plan.fresh), WorkspaceError)
-
-
-def explain(
-    plan: BuildPlan, packages: Mapping[str, Package], named: frozenset[str] = frozenset()
-) -> Iterator[str]:
-    """Yield a line with the reason for each package that is built, packages of the workspace first.
-
-    Packages that are up to date are only counted, except those that the user `named`.
-    """
-    for name, task in sorted(plan.tasks.items(), key=lambda item: item[1].embedded):
-        yield f"{name}: {'maybe build' if task.conditional else 'build'}, {task.reason}"
-    yield from (f"{name}: up to date" for name in plan.fresh if name in named)
-    for kind, embedded in (("", False), ("embedded ", True)):
-        count = sum(packages[name].embedded is embedded and name not in named for name in plan.fresh)
-        if count:
-            yield f"{counted(count, f'{kind}package')}: up to date"
-
-
-def commands(plan: BuildPlan) -> Iterator[str]:
-    """Yield all commands of the plan in order, as shell command lines."""
-    for name, task in plan.tasks.items():
-        yield f"# {name}"
-        yield from (step_line(step) for step in task.steps)
 
 
 def last_command(layout: Layout, package: str) -> str:

@@ -127,7 +127,7 @@ def test_a_changed_header_is_recompiled(root: Path) -> None:
 
 
 def test_the_option_disables_precompiled_headers(root: Path) -> None:
-    assert "--no-fast-rosidl" in build(root, "--no-fast-rosidl", "--explain")
+    assert "--no-fast-rosidl" in build(root, "--no-fast-rosidl", "--json")
     assert "cmake_pch" not in (root / "build/nodes/build.ninja").read_text(encoding="utf-8")
     assert said(root, "node_1").endswith(" from node_1!\n")
 
