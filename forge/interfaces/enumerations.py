@@ -6,9 +6,8 @@ On the wire they are the integers: neither the serialized form nor the type hash
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
-from forge.base.errors import Problem
 from forge.base.frozen import frozen
 from forge.interfaces.model import Field, Message, Primitive, element_of
 from forge.interfaces.read.literals import INTEGER_RANGES
@@ -43,7 +42,7 @@ def enumerations(message: Message) -> Mapping[str, Enumeration]:
     """Return the enumerations of a message by the names of its fields; fields may share one."""
     by_field: dict[str, Enumeration] = {}
     for field in message.fields:
-        of, prefix = element_of(field.type), _prefix(field)
+        of, prefix = element_of(field.type), annotated_prefix(field)
         if not prefix or not isinstance(of, Primitive) or of.name not in INTEGER_RANGES or of.name == "octet":
             continue
         low, high = INTEGER_RANGES[of.name]
@@ -63,19 +62,8 @@ def enumerations(message: Message) -> Mapping[str, Enumeration]:
     return by_field
 
 
-def unused_annotations(message: Message) -> Iterator[Problem]:
-    """Yield a problem for each annotation that does not define an enumeration."""
-    by_field = enumerations(message)
-    for field in message.fields:
-        if (prefix := _prefix(field)) and field.name not in by_field:
-            text = f"'enum: {prefix}*' does not define an enumeration for '{field.name}'"
-            hint = (
-                f"the field and all constants '{prefix}*' of the message must be integers, and fit its type"
-            )
-            yield Problem(text, field.place, hint)
-
-
-def _prefix(field: Field) -> str:
+def annotated_prefix(field: Field) -> str:
+    """Return the prefix of the constants that the comment of a field names, or an empty string."""
     matches = filter(None, (_ANNOTATION.fullmatch(line) for line in field.doc if "enum:" in line))
     return next((match["prefix"] for match in matches), "")
 

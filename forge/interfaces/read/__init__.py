@@ -1,3 +1,3 @@
-"""Definitions from files: find and parse .msg, .srv, .action and .idl files, and lint them."""
+"""Definitions from files: find and parse .msg, .srv, .action and .idl files."""
 
-__all__ = ["declarations", "lint", "literals", "parsing", "sources"]
+__all__ = ["declarations", "literals", "parsing", "sources"]

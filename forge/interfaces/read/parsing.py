@@ -11,7 +11,7 @@ from pathlib import PurePosixPath
 
 from forge.base.errors import InterfaceError, Location, Problem, raise_if_any
 from forge.base.frozen import frozen
-from forge.base.names import TYPE_NAME
+from forge.base.names import TYPE_NAME, python_attribute
 from forge.interfaces.model import (
     HIDDEN_MEMBER,
     SECTIONS,
@@ -24,6 +24,7 @@ from forge.interfaces.model import (
     String,
     TypeName,
     interface_of,
+    sections_of,
 )
 from forge.interfaces.read.declarations import Declaration, read_declaration
 from forge.interfaces.read.literals import ParseError, read_value
@@ -223,3 +224,16 @@ def _read_comments(lines: Iterable[str]) -> tuple[tuple[str, ...], str | None]:
     squeezed = [text for number, text in enumerate(texts) if text or (number and texts[number - 1])]
     block = "\n".join(squeezed).strip("\n")
     return tuple(textwrap.dedent(block).split("\n")) if block else (), unit
+
+
+def python_keywords(interfaces: Iterable[Interface]) -> Iterator[Problem]:
+    """Yield a warning for each field that is named like a keyword of Python."""
+    for field in (field for each in interfaces for message in sections_of(each) for field in message.fields):
+        attribute = python_attribute(field.name)
+        if attribute != field.name:
+            text = f"field name '{field.name}' is a keyword of Python, where it becomes '{attribute}'"
+            place = field.place
+            match = re.search(rf"\b{field.name}\b", place.source) if place and place.source else None
+            if place and match:
+                place = replace(place, column=match.start() + 1)
+            yield Problem(text, place, f"rename it, for example to '{field.name}_value'")

@@ -8,11 +8,11 @@ from itertools import islice
 from pathlib import Path
 
 from forge.base.errors import InterfaceError, Location, Problem, Severity
+from forge.base.extensions import OPTIONS, find, is_installed
 from forge.base.frozen import frozen
 from forge.base.names import nearest
 from forge.build.build_types import known_types, unknown_type
 from forge.interfaces.model import Catalog, Message, TypeName
-from forge.interfaces.read.lint import lint
 from forge.interfaces.read.parsing import Parsed
 from forge.interfaces.resolve.resolution import (
     MAX_EXPLAINED,
@@ -102,8 +102,8 @@ def _doubtful(index: Index, reading: Reading) -> Iterator[Problem]:
     if manifest:
         catalog = Catalog(reading.source.package, {reading.name: reading.interface}, {}, {})
         yield from undeclared_dependencies(catalog, manifest.dependencies, index)
-    if not reading.problems:
-        yield from lint([Parsed(reading.source, reading.interface)])
+    if not reading.problems and is_installed(OPTIONS, "strict"):
+        yield from find(OPTIONS, "strict", "option").lint([Parsed(reading.source, reading.interface)])
 
 
 class _NearbyTypes:

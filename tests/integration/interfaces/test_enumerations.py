@@ -14,7 +14,6 @@ from forge.interfaces.hashing import hashes
 from forge.interfaces.model import Message
 from forge.interfaces.read.sources import Library
 from forge.interfaces.resolve.resolution import dependency_catalogs
-from tests.conftest import Forge, Tree
 from tests.generated import RUNTIME, catalog_of, generate, importable
 
 BATTERY = """\
@@ -155,21 +154,3 @@ def test_type_hashes_do_not_depend_on_enumerations() -> None:
     ]
     assert counts == [3, 0]
     assert hashes(annotated) == hashes(plain)
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "float32 level # enum: LEVEL_*\nuint8 LEVEL_LOW=0",
-        "uint8 level # enum: LEVEL_*",
-        "int8 level # enum: LEVEL_*\nuint8 LEVEL_HIGH=200",
-        "uint8 level # enum: LEVEL_*\nuint8 LEVEL_LOW=0\nstring LEVEL_NAME=low",
-    ],
-)
-def test_enumerations_without_matching_constants_are_error_prone(text: str, tree: Tree, forge: Forge) -> None:
-    root = tree({"msg/Tank.msg": text})
-    words = ("interface", "generate", str(root), "--package", "tanks", "--output", str(root / "out"))
-    assert forge(*words).code == 0
-    ran = forge(*words, "--strict")
-    assert ran.code == 2
-    assert "error: 'enum: LEVEL_*' does not define an enumeration for 'level'" in ran.err

@@ -36,7 +36,7 @@ from forge.engine.observed import keep
 from forge.interfaces import writing
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import Catalog, TypeName
-from forge.interfaces.read.lint import python_keywords
+from forge.interfaces.read.parsing import python_keywords
 from forge.interfaces.read.sources import Library, read_runtime
 from forge.interfaces.resolve.resolution import (
     dependency_catalogs,

@@ -9,6 +9,7 @@ from pathlib import Path, PurePosixPath
 from forge.base.ament_index import INDEX, prefixes
 from forge.base.distributions import VARIABLE, check_distribution, distribution_in, distribution_option
 from forge.base.errors import ForgeError, InterfaceError, Location, Problem, print_warnings, raise_if_any
+from forge.base.extensions import OPTIONS, find
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.layout import forge_command
@@ -180,9 +181,8 @@ def catalog_of(
         raise ForgeError(Problem("no interface definitions found", hint=hint))
     parsed = parse_all(sources)
     if options.strict:
-        from forge.interfaces.read.lint import lint
-
-        raise_if_any(lint(parsed), InterfaceError)
+        plugin = find(OPTIONS, "strict", "option", ("lint",))
+        raise_if_any(plugin.lint(parsed), InterfaceError)
     named = {relative for _, relative in options.files}
     beside = (path for base in {base for base, _ in options.files} for path in Path(base).glob("msg/*.msg"))
     return resolve(

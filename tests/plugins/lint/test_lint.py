@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from forge.interfaces.model import Source
-from forge.interfaces.read.lint import lint
 from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
+from forge.plugins.lint.lint import lint
 from tests.conftest import Forge, Tree
 
 
@@ -134,3 +134,21 @@ def test_strict_turns_warnings_into_errors(forge: Forge, tree: Tree) -> None:
 @pytest.mark.parametrize("package", sorted(Library().packages()))
 def test_embedded_definitions_pass_strict(package: str) -> None:
     assert lint(parse_all(read_folder(package, Library().packages()[package]))) == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "float32 level # enum: LEVEL_*\nuint8 LEVEL_LOW=0",
+        "uint8 level # enum: LEVEL_*",
+        "int8 level # enum: LEVEL_*\nuint8 LEVEL_HIGH=200",
+        "uint8 level # enum: LEVEL_*\nuint8 LEVEL_LOW=0\nstring LEVEL_NAME=low",
+    ],
+)
+def test_enumerations_without_matching_constants_are_error_prone(text: str, tree: Tree, forge: Forge) -> None:
+    root = tree({"msg/Tank.msg": text})
+    words = ("interface", "generate", str(root), "--package", "tanks", "--output", str(root / "out"))
+    assert forge(*words).code == 0
+    ran = forge(*words, "--strict")
+    assert ran.code == 2
+    assert "error: 'enum: LEVEL_*' does not define an enumeration for 'level'" in ran.err

@@ -7,18 +7,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from math import inf
 
 from forge.base.errors import Location, Problem
-from forge.base.names import CPP20_KEYWORDS, python_attribute
-from forge.interfaces.enumerations import unused_annotations
+from forge.base.names import CPP20_KEYWORDS
+from forge.interfaces.enumerations import annotated_prefix, enumerations
 from forge.interfaces.model import (
     HIDDEN_MEMBER,
     Array,
     Constant,
     Field,
-    Interface,
     Message,
     Primitive,
     Sequence,
@@ -28,7 +26,7 @@ from forge.interfaces.model import (
     sections_of,
 )
 from forge.interfaces.read.literals import QUOTES
-from forge.interfaces.read.parsing import Parsed
+from forge.interfaces.read.parsing import Parsed, python_keywords
 
 _MACROS = "assert errno linux major makedev minor signals slots stderr stdin stdout unix"
 _NAMES = {
@@ -66,7 +64,7 @@ def lint(parsed: Iterable[Parsed]) -> list[Problem]:
             problems = list(_comments(each.source))
         for message in sections_of(each.interface):
             problems += _names(message) if is_idl else (*_lines(message), *_names(message))
-            problems += unused_annotations(message)
+            problems += _unused_annotations(message)
         problems += python_keywords([each.interface])
         all_problems += sorted(problems, key=lambda problem: problem.position)
     return all_problems
@@ -179,14 +177,13 @@ def _comments(source: Source) -> Iterator[Problem]:
         yield Problem(message, place, "remove the brackets")
 
 
-def python_keywords(interfaces: Iterable[Interface]) -> Iterator[Problem]:
-    """Yield a warning for each field that is named like a keyword of Python."""
-    for field in (field for each in interfaces for message in sections_of(each) for field in message.fields):
-        attribute = python_attribute(field.name)
-        if attribute != field.name:
-            text = f"field name '{field.name}' is a keyword of Python, where it becomes '{attribute}'"
-            place = field.place
-            match = re.search(rf"\b{field.name}\b", place.source) if place and place.source else None
-            if place and match:
-                place = replace(place, column=match.start() + 1)
-            yield Problem(text, place, f"rename it, for example to '{field.name}_value'")
+def _unused_annotations(message: Message) -> Iterator[Problem]:
+    """Yield a problem for each annotation that does not define an enumeration."""
+    by_field = enumerations(message)
+    for field in message.fields:
+        if (prefix := annotated_prefix(field)) and field.name not in by_field:
+            text = f"'enum: {prefix}*' does not define an enumeration for '{field.name}'"
+            hint = (
+                f"the field and all constants '{prefix}*' of the message must be integers, and fit its type"
+            )
+            yield Problem(text, field.place, hint)

@@ -1,0 +1,1 @@
+"""`forge interface --strict`: reports definitions that are valid, but error-prone."""
