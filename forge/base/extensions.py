@@ -41,6 +41,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "add": "forge.plugins.fetch.add",
         "bundle": "forge.plugins.bundle.command",
         "cache": "forge.plugins.cache_maintenance.command",
+        "clean": "forge.plugins.clean.command",
         "completion": "forge.plugins.completion.command",
         "deps": "forge.plugins.system_deps.command",
         "doctor": "forge.plugins.doctor.command",

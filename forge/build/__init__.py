@@ -8,12 +8,17 @@ or `cli`.
 
 __all__ = [
     "build_types",
+    "cleaning",
+    "copies",
     "events",
     "folder_marks",
     "inputs",
+    "installation",
+    "installed_lists",
     "journal",
     "model",
     "observed_writes",
+    "preflight",
     "recipes",
     "records",
     "tasks",

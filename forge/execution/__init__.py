@@ -9,6 +9,7 @@ __all__ = [
     "fork_server",
     "job_pool",
     "jobserver",
+    "lock",
     "memory",
     "observer",
     "options",

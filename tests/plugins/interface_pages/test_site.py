@@ -292,13 +292,6 @@ def test_definitions_of_other_folders_and_languages_have_pages(forge: Forge, tre
     assert "In the folder deep" in (root / "site/a_msgs/index.html").read_text()
 
 
-def test_pages_in_the_build_folder_are_removed_with_it(forge: Forge, tree: Tree) -> None:
-    root = workspace(tree)
-    forge(*DOCS, cwd=root)
-    assert forge("clean", "workspace", "--yes", cwd=root).code == 0
-    assert not (root / "build").exists()
-
-
 def test_an_empty_interface_has_a_page() -> None:
     catalog = catalog_of("p", {"msg/A.msg": ""})
     files = {file.path: file.text for file in site([catalog], {}, "Interfaces")}

@@ -17,7 +17,7 @@ from forge.base.layout import Layout, forge_command
 from forge.base.names import did_you_mean
 from forge.base.options import flag, option, options_of
 from forge.base.text import counted, listed
-from forge.build import cleaning
+from forge.build.cleaning import Removable, package_removables, remove, restore_backups
 from forge.build.folder_marks import bases_of, is_own_build_base, is_own_install_base, recorded_layout
 from forge.build.installation import finish_workspace
 from forge.build.journal import Journal, open_journal
@@ -27,6 +27,15 @@ from forge.cli.options import FolderOptions, OptionSources
 from forge.cli.preparation import build_variables, check_bases
 from forge.environment.install_state import recorded_state
 from forge.execution.lock import lock_build_dir, lock_install_dir
+from forge.plugins.clean.finding import (
+    BASES,
+    built_packages,
+    is_of_workspace,
+    packages_of_others,
+    remaining_entries,
+    remaining_in_prefix,
+    workspace_removables,
+)
 from forge.workspace.forge_toml import folder_of_profile
 from forge.workspace.load import LoadedWorkspace, load_workspace
 from forge.workspace.selection import Query
@@ -53,9 +62,9 @@ class Options:
     yes: bool = flag("do not ask for confirmation", short="-y")
     base_select: tuple[str, ...] = option(
         "folders to remove, for 'workspace' (default: all)",
-        default=tuple(cleaning.BASES),
+        default=BASES,
         nargs="+",
-        choices=tuple(cleaning.BASES),
+        choices=BASES,
     )
     query: Query = options_of(Query)
     sources: OptionSources = options_of(OptionSources)
@@ -90,20 +99,20 @@ def run(options: Options) -> int:
         if not (options.yes or shared.confirmed(f"Remove these {len(removables)} items? [y/N] ")):
             print("nothing was removed")
             return 0
-        cleaning.restore_backups(layout, names or cleaning.built_packages(layout, journal.records))
+        restore_backups(layout, names or built_packages(layout, journal.records))
         removables = _removables(options, root, layout, journal, names)
         for name in names:
             journal.forget(name)
         journal.close()
-        cleaning.remove(removables)
+        remove(removables)
     if options.what == "workspace" and not names:
-        _report_rest(cleaning.remaining_entries(layout, options.base_select), options)
+        _report_rest(remaining_entries(layout, options.base_select), options)
     else:
         remaining = (
             entry
             for removable in removables
             if removable.prefix
-            for entry in cleaning.remaining_in_prefix(removable.prefix)
+            for entry in remaining_in_prefix(removable.prefix)
         )
         _report_rest(remaining, options)
         # forge's setup scripts name the packages; colcon's search the folder.
@@ -116,13 +125,13 @@ def run(options: Options) -> int:
 
 def _removables(
     options: Options, root: Path, layout: Layout, journal: Journal, names: Sequence[str]
-) -> list[cleaning.Removable]:
+) -> list[Removable]:
     if options.what in {None, "workspace"}:
-        return list(cleaning.workspace_removables(root, layout, journal.records, options.base_select))
-    return [each for name in names for each in cleaning.package_removables(name, layout, journal.records)]
+        return list(workspace_removables(root, layout, journal.records, options.base_select))
+    return [each for name in names for each in package_removables(name, layout, journal.records)]
 
 
-def _preview(options: Options, removables: Sequence[cleaning.Removable], stale: Sequence[str]) -> None:
+def _preview(options: Options, removables: Sequence[Removable], stale: Sequence[str]) -> None:
     for base, count in Counter(removable.base for removable in removables).items():
         print(f"- {counted(count, 'item')} in {_displayed(base, options)}")
     profile = options.folders.profile
@@ -148,7 +157,7 @@ def _names(options: Options, root: Path, layout: Layout, journal: Journal) -> tu
 
     Raises SelectionError for invalid combinations of arguments.
     """
-    built_names = cleaning.built_packages(layout, journal.records)
+    built_names = built_packages(layout, journal.records)
     query = options.query
     unlimited = Query(search=query.search, build_base=query.build_base, since=query.since)
     chosen = query != replace(unlimited, no_test_dependencies=query.no_test_dependencies, origin=query.origin)
@@ -157,13 +166,13 @@ def _names(options: Options, root: Path, layout: Layout, journal: Journal) -> tu
         command = f"clean {options.what or ''}".rstrip()
         raise SelectionError(Problem(f"'{command}' does not accept package names", hint=hint))
     if options.what == "workspace":
-        others = sorted(cleaning.packages_of_others(root, layout, journal.records))
+        others = sorted(packages_of_others(root, layout, journal.records))
         _report_others(others)
         return tuple(sorted(built_names.difference(others))) if others else ()
     if options.what != "packages":
         packages = _load(options, root, layout).packages
         absent = sorted(built_names - packages.keys())
-        stale = [name for name in absent if cleaning.is_of_workspace(name, root, layout, journal.records)]
+        stale = [name for name in absent if is_of_workspace(name, root, layout, journal.records)]
         _report_others([name for name in absent if name not in stale])
         taken = {str(root / package.path) for package in packages.values()}
         sources = {name: record.source for name, record in journal.records.items()}
@@ -206,7 +215,7 @@ def _load(options: Options, root: Path, layout: Layout) -> LoadedWorkspace:
     return loaded
 
 
-def _shown(removable: cleaning.Removable, options: Options) -> str:
+def _shown(removable: Removable, options: Options) -> str:
     if removable.prefix is not None:
         return f"{_displayed(removable.prefix, options)} ({removable.label})"
     if len(removable.paths) > 1:
