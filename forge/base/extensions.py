@@ -65,6 +65,8 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "diff": "forge.plugins.interface_versions.diff",
         "docs": "forge.plugins.interface_pages.command",
         "fix": "forge.plugins.interface_versions.fix",
+        "proto": "forge.plugins.interface_queries.proto",
+        "schema": "forge.plugins.interface_queries.schema",
     },
     PKG_VERBS: {"create": "forge.plugins.create.command"},
     TOOLCHAINS: {"cross": "forge.plugins.cross.toolchain"},

@@ -10,7 +10,7 @@ import argparse
 import errno
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -328,14 +328,15 @@ def add_plugin(commands: Any, group: str, word: str, kind: str) -> None:
         command.set_defaults(run=partial(call, f"the {kind} '{word}'", module.run))
 
 
-def add_verbs_of_plugins(parser: Parser, verbs: Any, group: str) -> None:
-    """Add the verbs of plugins, unless the command line contains a built-in verb.
+def add_verbs_of_plugins(parser: Parser, verbs: Any, group: str, own: Container[str], *words: str) -> None:
+    """Add verbs of plugins, by default all others, unless the command line contains one of the core's `own`.
 
     Builds wait for 'forge interface generate', so this imports no plugins.
     """
     asked = next((word for word in parser.words if not word.startswith("-")), None)
-    if asked not in verbs.choices:
-        for word in sorted({*installed(group), *((asked,) if asked else ())}):
+    if asked not in own:
+        present = {*installed(group), *((asked,) if asked else ())} - verbs.choices.keys()
+        for word in sorted(present.intersection(words) if words else present):
             add_plugin(verbs, group, word, "verb")
 
 

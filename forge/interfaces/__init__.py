@@ -22,6 +22,8 @@ __all__ = [
     "notation",
     "read",
     "resolve",
+    "schema",
+    "show",
     "wire",
     "writing",
 ]

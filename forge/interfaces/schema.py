@@ -1,34 +1,16 @@
-"""Write and read schemas: a definition and all referenced ones in one text, as in MCAP files and rosbag2."""
+"""Read schemas: a definition and all referenced ones in one text, as in MCAP files and rosbag2."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from forge.base.errors import InterfaceError, Location, Problem
 from forge.base.names import LOWER_NAME
-from forge.interfaces.idl.target import idl_text
-from forge.interfaces.model import Source, TypeName, nested_types, sections_of
-from forge.interfaces.read.parsing import Parsed
+from forge.interfaces.model import Source, TypeName
 
-ENCODINGS = ("ros2msg", "ros2idl")
-
-_LINE = "=" * 80
+SEPARATOR = "=" * 80
 _HEADING = re.compile(r"(MSG|SRV|IDL): (\w+)/(?:(\w+)/)?(\w+)\s*")
-
-
-def schema_text(parsed: Parsed, find: Callable[[TypeName], Parsed], encoding: str = "ros2msg") -> str:
-    """Return the definition of an interface, followed by those of nested messages, depth first.
-
-    `find` returns the definition of a message. The encoding 'ros2msg' contains the original definitions and
-    raises InterfaceError for one in IDL; 'ros2idl' converts them to IDL. Exceptions of `find` propagate.
-    """
-    own = _definition(parsed, encoding)
-    start = f"{_heading(parsed, encoding)}\n" if encoding == "ros2idl" else ""
-    nested = _below(parsed, find, set())
-    texts = [f"{_heading(each, encoding)}\n{_definition(each, encoding)}" for each in nested]
-    return "\n".join((start + own, *texts))
 
 
 def read_schema(text: str, name: TypeName) -> tuple[Source, ...]:
@@ -39,7 +21,7 @@ def read_schema(text: str, name: TypeName) -> tuple[Source, ...]:
     sections: list[tuple[TypeName, str, list[str]]] = [(name, name.kind, [])]
     lines = iter(enumerate(text.splitlines(), 1))
     for _, line in lines:
-        if line != _LINE:
+        if line != SEPARATOR:
             sections[-1][2].append(line)
             continue
         number, heading = next(lines, (None, ""))
@@ -71,31 +53,3 @@ def parse_name(text: str) -> TypeName:
     if len(parts) != 3 or not all(parts) or not LOWER_NAME.fullmatch(parts[0]):
         raise InterfaceError(Problem(f"invalid type name '{text}'", hint="such as 'std_msgs/msg/String'"))
     return TypeName(*parts)
-
-
-def _below(parsed: Parsed, find: Callable[[TypeName], Parsed], seen: set[TypeName]) -> Iterator[Parsed]:
-    """Yield each nested message once, sorted by name on each level, depth first."""
-    sections = sections_of(parsed.interface)
-    for name in sorted(nested_types(sections) - {message.name for message in sections}):
-        if name not in seen:
-            seen.add(name)
-            nested = find(name)
-            yield nested
-            yield from _below(nested, find, seen)
-
-
-def _heading(parsed: Parsed, encoding: str) -> str:
-    name = parsed.interface.name
-    shown = f"IDL: {name}" if encoding == "ros2idl" else f"MSG: {name.package}/{name.name}"
-    return f"{_LINE}\n{shown}"
-
-
-def _definition(parsed: Parsed, encoding: str) -> str:
-    source = parsed.source
-    is_idl = source.relative.endswith(".idl")
-    if encoding == "ros2idl" and not is_idl:
-        return idl_text(parsed.interface, f"{source.package}/{source.relative}")
-    if encoding != "ros2idl" and is_idl:
-        message = f"'{parsed.interface.name}' is written in IDL"
-        raise InterfaceError(Problem(message, Location(source.path), "use --encoding ros2idl"))
-    return source.text.removeprefix("\ufeff")

@@ -53,7 +53,7 @@ def register(parser: Parser) -> None:
     add_verb(verbs, "prefix", "print the prefix of an installed package", _PrefixOptions, _prefix)
     summary = "print the manifest (package.xml) of an installed package"
     add_verb(verbs, "xml", summary, _XmlOptions, _xml)
-    add_verbs_of_plugins(parser, verbs, PKG_VERBS)
+    add_verbs_of_plugins(parser, verbs, PKG_VERBS, verbs.choices)
 
 
 def _install(profile: str | None) -> Path | None:

@@ -9,26 +9,26 @@ from collections.abc import Mapping
 from functools import partial
 from itertools import compress
 from pathlib import Path
-from typing import NoReturn
+from typing import Any
 
-from forge.base.ament_index import prefix_of
-from forge.base.distributions import EMBEDDED, distribution_hint, distribution_option
+from forge.base.distributions import EMBEDDED, distribution_option
 from forge.base.env_vars import compiled_templates
 from forge.base.errors import ForgeError, InterfaceError, Problem, print_warnings, raise_if_any
 from forge.base.extensions import VERBS
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
-from forge.base.names import did_you_mean
 from forge.base.options import flag, option, options_of
 from forge.base.templating import keep_compiled
 from forge.base.text import counted
 from forge.cli.commands.interface.inputs import (
-    IncludeOptions,
     InputOptions,
     catalog_of,
+    check_package,
+    definition_path,
     known_library,
     library_of,
-    require_built,
+    non_empty,
+    unknown_type,
 )
 from forge.cli.main import Parser, add_verbs_of_plugins
 from forge.cli.options import add_verb, profile_option
@@ -41,22 +41,14 @@ from forge.interfaces.read.sources import Library, read_runtime
 from forge.interfaces.resolve.resolution import (
     dependency_catalogs,
     nested_messages,
-    require,
     undeclared_dependencies,
 )
-from forge.interfaces.schema import ENCODINGS, schema_text
-from forge.interfaces.show import parse_type_name, show, to_yaml
+from forge.interfaces.show import parse_type_name, show
 
 __all__ = ["inputs"]
 
 _DEFAULT_LANGUAGES = ("python", "cpp")
 _HEADINGS = {"msg": "Messages:", "srv": "Services:", "action": "Actions:"}
-
-
-def _filled(text: str) -> str:
-    if not text:
-        raise ValueError("the name is empty")
-    return text
 
 
 @frozen
@@ -84,19 +76,11 @@ class _ShowOptions:
     type: str = option(
         "full name of the interface; '-' reads the name from stdin",
         positional=True,
-        parse=_filled,
+        parse=non_empty,
         metavar="TYPE",
     )
     all_comments: bool = flag("show the comments of nested messages, too", conflicts="comments")
     no_comments: bool = flag("omit comments and blank lines", conflicts="comments")
-    rosdistro: str | None = distribution_option()
-    profile: str | None = profile_option()
-
-
-@frozen
-class _ProtoOptions:
-    type: str = option("full name of the interface", positional=True, parse=_filled, metavar="TYPE")
-    no_quotes: bool = flag("print the YAML without surrounding quotes")
     rosdistro: str | None = distribution_option()
     profile: str | None = profile_option()
 
@@ -114,31 +98,27 @@ class _HashOptions:
     profile: str | None = profile_option()
 
 
-@frozen
-class _SchemaOptions:
-    type: str = option("full name of the type", positional=True, metavar="TYPE")
-    encoding: str = option(
-        "format of the definitions (default: %(default)s)", default=ENCODINGS[0], choices=tuple(ENCODINGS)
-    )
-    others: IncludeOptions = options_of(IncludeOptions)
-    profile: str | None = profile_option()
-
-
 def register(parser: Parser) -> None:
     verbs = parser.add_subparsers(metavar="VERB", required=True, parser_class=type(parser))
-    add_verb(verbs, "list", "list all interfaces", _ListingOptions, _list)
-    add_verb(verbs, "package", "list the interfaces of a package", _PackageOptions, _package)
-    add_verb(verbs, "packages", "list the packages that have interfaces", _ListingOptions, _packages)
-    add_verb(verbs, "show", "print a definition with nested messages expanded", _ShowOptions, _show)
-    summary = "print a message, a service's request or an action's goal as YAML, with default values"
-    add_verb(verbs, "proto", summary, _ProtoOptions, _proto)
-    summary = "print type hashes (RIHS01) of types or of a folder of definitions"
-    add_verb(verbs, "hash", summary, _HashOptions, _hash)
-    summary = "print a definition with all definitions it refers to, as stored in MCAP and rosbag2 files"
-    add_verb(verbs, "schema", summary, _SchemaOptions, _schema)
-    summary = "compile definitions to Python, C++, C, IDL, JSON, JSON Schema, TypeScript or Markdown"
-    add_verb(verbs, "generate", summary, _GenerateOptions, _generate, fromfile_prefix_chars="@")
-    add_verbs_of_plugins(parser, verbs, VERBS)
+    own: dict[str, tuple[str, Any, Any]] = {
+        "list": ("list all interfaces", _ListingOptions, _list),
+        "package": ("list the interfaces of a package", _PackageOptions, _package),
+        "packages": ("list the packages that have interfaces", _ListingOptions, _packages),
+        "show": ("print a definition with nested messages expanded", _ShowOptions, _show),
+        "hash": ("print type hashes (RIHS01) of types or of a folder of definitions", _HashOptions, _hash),
+        "generate": (
+            "compile definitions to Python, C++, C, IDL, JSON, JSON Schema, TypeScript or Markdown",
+            _GenerateOptions,
+            _generate,
+        ),
+    }
+    for word in ("list", "package", "packages", "show", "proto", "hash", "schema", "generate"):
+        if word in own:
+            add_verb(verbs, word, *own[word])
+        else:
+            add_verbs_of_plugins(parser, verbs, VERBS, own, word)
+    verbs.choices["generate"].fromfile_prefix_chars = "@"
+    add_verbs_of_plugins(parser, verbs, VERBS, own)
 
 
 def _list(options: _ListingOptions) -> int:
@@ -155,7 +135,7 @@ def _package(options: _PackageOptions) -> int:
     library = known_library(options.listing.rosdistro, profile=options.listing.profile)
     folder = library.folder(options.package)
     if not folder:
-        _check_package(options.package, library, options.listing.profile)
+        check_package(options.package, library, options.listing.profile)
         return 0
     for name in sorted(library.names_in(options.package)):
         if not options.listing.kinds or name.kind in options.listing.kinds:
@@ -178,27 +158,15 @@ def _show(options: _ShowOptions) -> int:
     library = known_library(options.rosdistro, profile=options.profile)
     text = sys.stdin.readline().strip() if options.type == "-" else options.type
     name = parse_type_name(text, library.names)
-    path = _definition(name, library, options.profile)
+    path = definition_path(name, library, options.profile)
     if path.suffix == ".idl":
         print(path.read_text(encoding="utf-8"), end="")
         return 0
     levels = 0 if options.no_comments else sys.maxsize if options.all_comments else 1
     for line in show(
-        name, levels, lambda each: _definition(each, library, options.profile).read_text(encoding="utf-8")
+        name, levels, lambda each: definition_path(each, library, options.profile).read_text(encoding="utf-8")
     ):
         print(line)
-    return 0
-
-
-def _proto(options: _ProtoOptions) -> int:
-    library = known_library(options.rosdistro, profile=options.profile)
-    name = parse_type_name(options.type, library.names)
-    path = _definition(name, library, options.profile)
-    parsed = library.find(name)
-    if not parsed:
-        raise InterfaceError(Problem(f"'{path}' does not define the interface '{name}'"))
-    text = to_yaml(parsed.interface, nested_messages(parsed, library))
-    print(text if options.no_quotes else f'"{text}"')
     return 0
 
 
@@ -228,15 +196,6 @@ def _hash(options: _HashOptions) -> int:
     return 0
 
 
-def _schema(options: _SchemaOptions) -> int:
-    library = known_library(options.others.rosdistro, options.others.folders, options.profile)
-    name = parse_type_name(options.type)
-    parsed = library.find(name) or _missing(name, library, options.profile)
-    nested_messages(parsed, library)
-    print(schema_text(parsed, lambda below: require(below, library), options.encoding), end="")
-    return 0
-
-
 def _hash_of(name: TypeName, library: Library, profile: str | None) -> str:
     """Return the type hash of an interface or of a type derived from one; raises InterfaceError."""
     # A struct of an .idl file may have '_' in its name without being a derived type.
@@ -248,37 +207,7 @@ def _hash_of(name: TypeName, library: Library, profile: str | None) -> str:
             type_hash = hashes(catalog).get(name)
             if type_hash:
                 return type_hash
-    return _missing(name, library, profile)
-
-
-def _missing(name: TypeName, library: Library, profile: str | None) -> NoReturn:
-    require_built(name.package, library, profile)
-    hint = did_you_mean(str(name), [str(each) for each in library.names()])
-    raise InterfaceError(Problem(f"unknown type '{name}'", hint=hint))
-
-
-def _definition(name: TypeName, library: Library, profile: str | None) -> Path:
-    """Return the file of an interface; raises InterfaceError with the message of `ros2 interface`."""
-    folder = library.folder(name.package) or _check_package(name.package, library, profile)
-    path = library.file(name)
-    if path:
-        return path
-    near = library.distribution_hint(name) or did_you_mean(str(name), [str(each) for each in library.names()])
-    missing = folder / name.kind / f"{name.name}.idl"
-    raise InterfaceError(Problem(f"Could not find the interface '{missing}'", hint=near))
-
-
-def _check_package(package: str, library: Library, profile: str | None) -> Path:
-    """Return the share folder of a package without interfaces; raises InterfaceError if it does not exist."""
-    prefix = prefix_of(package, library.prefixes)
-    if prefix:
-        return prefix / "share" / package
-    hint = distribution_hint(package, library.rosdistro)
-    if not hint and (EMBEDDED / package / "package.xml").is_file():
-        return EMBEDDED / package
-    require_built(package, library, profile)
-    hint = hint or did_you_mean(package, library.packages())
-    raise InterfaceError(Problem(f"Unknown package '{package}'", hint=hint))
+    return unknown_type(name, library, profile)
 
 
 @frozen

@@ -5,20 +5,28 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
+from typing import NoReturn
 
-from forge.base.ament_index import INDEX, prefixes
-from forge.base.distributions import VARIABLE, check_distribution, distribution_in, distribution_option
+from forge.base.ament_index import INDEX, prefix_of, prefixes
+from forge.base.distributions import (
+    EMBEDDED,
+    VARIABLE,
+    check_distribution,
+    distribution_hint,
+    distribution_in,
+    distribution_option,
+)
 from forge.base.errors import ForgeError, InterfaceError, Location, Problem, print_warnings, raise_if_any
 from forge.base.extensions import OPTIONS, find
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.layout import forge_command
-from forge.base.names import LOWER_NAME
+from forge.base.names import LOWER_NAME, did_you_mean
 from forge.base.options import flag, option, options_of
 from forge.cli.preparation import known_rosdistro
 from forge.environment.installed import known_prefixes
 from forge.environment.prefixes import package_prefixes
-from forge.interfaces.model import Catalog, Source
+from forge.interfaces.model import Catalog, Source, TypeName
 from forge.interfaces.read.parsing import ENDINGS, parse_all
 from forge.interfaces.read.sources import Library, contradictions, read_folder, read_source
 from forge.interfaces.resolve.resolution import resolve
@@ -192,3 +200,41 @@ def catalog_of(
         {path.stem: f"msg/{path.name}" for path in beside if f"msg/{path.name}" not in named},
         events=library.has_events,
     )
+
+
+def definition_path(name: TypeName, library: Library, profile: str | None) -> Path:
+    """Return the file of an interface; raises InterfaceError with the message of `ros2 interface`."""
+    folder = library.folder(name.package) or check_package(name.package, library, profile)
+    path = library.file(name)
+    if path:
+        return path
+    near = library.distribution_hint(name) or did_you_mean(str(name), [str(each) for each in library.names()])
+    missing = folder / name.kind / f"{name.name}.idl"
+    raise InterfaceError(Problem(f"Could not find the interface '{missing}'", hint=near))
+
+
+def check_package(package: str, library: Library, profile: str | None) -> Path:
+    """Return the share folder of a package without interfaces; raises InterfaceError if it does not exist."""
+    prefix = prefix_of(package, library.prefixes)
+    if prefix:
+        return prefix / "share" / package
+    hint = distribution_hint(package, library.rosdistro)
+    if not hint and (EMBEDDED / package / "package.xml").is_file():
+        return EMBEDDED / package
+    require_built(package, library, profile)
+    hint = hint or did_you_mean(package, library.packages())
+    raise InterfaceError(Problem(f"Unknown package '{package}'", hint=hint))
+
+
+def unknown_type(name: TypeName, library: Library, profile: str | None) -> NoReturn:
+    """Raise InterfaceError for a type that is not defined."""
+    require_built(name.package, library, profile)
+    hint = did_you_mean(str(name), [str(each) for each in library.names()])
+    raise InterfaceError(Problem(f"unknown type '{name}'", hint=hint))
+
+
+def non_empty(text: str) -> str:
+    """Return a name; raises ValueError for an empty one."""
+    if not text:
+        raise ValueError("the name is empty")
+    return text

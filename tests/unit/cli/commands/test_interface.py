@@ -99,7 +99,7 @@ def test_interfaces_of_the_current_workspace_need_no_sourcing(forge: Forge, tree
     root = tree(
         {**files, "install/.colcon_install_layout": "isolated\n", "src/new/msg/A.msg": "mine/Inner i\n"}
     )
-    for verb in (("show",), ("proto",), ("hash",), ("schema",)):
+    for verb in (("show",), ("hash",)):
         ran = forge("interface", *verb, "mine/msg/Top", cwd=root / "src")
         assert (ran.code, ran.err) == (0, ""), verb
     assert "mine/msg/Top\n" in forge("interface", "package", "mine", cwd=root / "src").out
@@ -125,7 +125,7 @@ def test_errors_name_the_command_that_builds_the_package(
     installed["install/.colcon_install_layout"] = "isolated\n"
     root = tree({**files, **(installed if built else {})})
     arm = "robot_msgs/msg/Arm"
-    for words in (("show", arm), ("proto", arm), ("hash", arm), ("schema", arm), ("package", "robot_msgs")):
+    for words in (("show", arm), ("hash", arm), ("package", "robot_msgs")):
         ran = forge("interface", *words, cwd=root / "src")
         assert ran.code == 2
         assert ran.err == (
@@ -167,36 +167,6 @@ def test_show_reports_its_errors(forge: Forge, tree: Tree, name: str, text: str)
     assert ran.err.splitlines()[0] == f"error: {text.replace('PREFIX', str(prefix))}"
 
 
-def test_proto_prints_the_defaults_as_yaml(forge: Forge) -> None:
-    assert forge("interface", "proto", "geometry_msgs/msg/Point").out == '"x: 0.0\ny: 0.0\nz: 0.0\n"\n'
-    assert forge("interface", "proto", "--no-quotes", "std_srvs/srv/SetBool").out == "data: false\n\n"
-    assert forge("interface", "proto", "--no-quotes", "std_msgs/msg/Empty").out == "{}\n\n"
-    assert forge("interface", "proto", "example_interfaces/action/Fibonacci").out == '"order: 0\n"\n'
-    nested = forge("interface", "proto", "--no-quotes", "geometry_msgs/msg/PoseStamped").out
-    assert "  orientation:\n    x: 0.0\n    y: 0.0\n    z: 0.0\n    w: 1.0\n" in nested
-    assert nested.startswith("header:\n  stamp:\n    sec: 0\n    nanosec: 0\n  frame_id: ''\npose:\n")
-
-
-def test_proto_supports_every_kind_of_field(forge: Forge, tree: Tree) -> None:
-    lines = [
-        "byte a",
-        "byte b 65",
-        "byte[2] c",
-        "float32[2] d [0.1, 1]",
-        "string[] e ['x']",
-        "Inner[2] f",
-        "bool[] g",
-    ]
-    prefix = tree(
-        {**PREFIX, "share/mine/msg/All.msg": "\n".join(lines), "share/mine/msg/Inner.msg": "int8 x 1"}
-    )
-    ran = forge("interface", "proto", "--no-quotes", "mine/msg/All", env={"AMENT_PREFIX_PATH": str(prefix)})
-    assert ran.out == (
-        'a: "\\0"\nb: A\nc:\n- "\\0"\n- "\\0"\nd:\n- 0.10000000149011612\n- 1.0\ne:\n- x\n'
-        "f:\n- x: 1\n- x: 1\ng: []\n\n"
-    )
-
-
 def test_idl_only_interfaces_are_listed(forge: Forge, tree: Tree) -> None:
     struct = "module mine { module msg { struct Short { @default (value=7) short a; }; }; };"
     other = "module mine { module idl { struct Wide { mine::msg::Short a; wchar b; }; }; };"
@@ -211,13 +181,8 @@ def test_idl_only_interfaces_are_listed(forge: Forge, tree: Tree) -> None:
     prefix = tree({**PREFIX, **listed, **{f"share/mine/{path}": text for path, text in files.items()}})
     (prefix / "share/mine/msg/Short.msg").unlink()
     env = {"AMENT_PREFIX_PATH": str(prefix)}
-    assert (
-        forge("interface", "proto", "--no-quotes", "mine/idl/Wide", env=env).out == 'a:\n  a: 7\nb: "\\0"\n\n'
-    )
     assert "    mine/idl/Wide" not in forge("interface", "list", env=env).out.splitlines()
     assert "mine/idl/Wide" in forge("interface", "package", "mine", env=env).out.splitlines()
-    ran = forge("interface", "proto", "mine/msg/Wrong", env=env)
-    assert (ran.code, "does not define the interface 'mine/msg/Wrong'" in ran.err) == (2, True)
     hashed = forge("interface", "hash", "mine/idl/Wide", env=env)
     assert hashed.out.startswith("mine/idl/Wide RIHS01_")
 
