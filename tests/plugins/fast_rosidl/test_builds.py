@@ -156,18 +156,6 @@ def test_a_changed_definition_is_regenerated_and_recompiled(built: Path) -> None
     assert "1 package unchanged" in build(built).stdout
 
 
-def test_sources_that_do_not_compile_together_are_compiled_separately(tree: Tree) -> None:
-    root = tree(interface_package("fast_msgs", SMALL, after=CLASH))
-    done = build(root)
-    assert done.returncode == 0, done.stderr
-    line = "forge: the generated sources do not compile together; compiling them one by one"
-    assert log(root).count(line) == 1
-    assert symbols(root / "install/fast_msgs/lib/libclash.so") == ["a", "b"]
-    tree({"src/fast_msgs/msg/Plain.msg": "int32 other\n"})
-    assert build(root).returncode == 0
-    assert line not in log(root)
-
-
 OWN_INTERFACES = """
 set(sources)
 foreach(name IN ITEMS a b c d e f g h i j k l)
@@ -177,25 +165,6 @@ foreach(name IN ITEMS a b c d e f g h i j k l)
 endforeach()
 add_library(own_%s SHARED ${sources})
 """
-
-
-def test_messages_are_distributed_evenly_among_units(tree: Tree) -> None:
-    """The source of an action has those of two services and more, so fewer of them make a unit."""
-    kinds = {"msg": [12], "srv": [12], "action": [6, 6]}
-    after = "".join(OWN_INTERFACES % (kind, kind) for kind in kinds)
-    root = tree(interface_package("fast_msgs", SMALL, after=after))
-    done = build(root)
-    assert done.returncode == 0, done.stderr
-    for kind, sizes in kinds.items():
-        units = sorted((root / f"build/fast_msgs/CMakeFiles/own_{kind}.dir/Unity").glob("*.c"))
-        assert [unit.read_text(encoding="utf-8").count("#include") for unit in units] == sizes
-
-
-def test_sources_that_do_not_compile_at_all_fail(tree: Tree) -> None:
-    root = tree(interface_package("fast_msgs", SMALL, after=BROKEN))
-    done = build(root)
-    assert done.returncode == 1
-    assert re.search("error: .missing. undeclared", done.stderr)
 
 
 THIRD_PARTY = """
@@ -220,17 +189,50 @@ else:
 """
 
 
-def test_third_party_generators_run_in_the_worker_or_in_their_own_process(tree: Tree) -> None:
-    files = interface_package("fast_msgs", SMALL, after=THIRD_PARTY)
-    root = tree({**files, "src/fast_msgs/third.py": RUNS, "src/fast_msgs/declined.py": FAILS_ONCE})
+UNITS = {"msg": [12], "srv": [12], "action": [6, 6]}
+"""The source of an action has those of two services and more, so fewer of them make a unit."""
+
+
+@pytest.fixture(scope="module")
+def more(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the built workspace of a package with more libraries and generators, for several tests."""
+    after = CLASH + "".join(OWN_INTERFACES % (kind, kind) for kind in UNITS) + THIRD_PARTY
+    files = interface_package("fast_msgs", SMALL, after=after)
+    files |= {"src/fast_msgs/third.py": RUNS, "src/fast_msgs/declined.py": FAILS_ONCE}
+    root = write_files(tmp_path_factory.mktemp("more"), files)
     done = build(root)
     assert done.returncode == 0, done.stderr
-    printed = log(root)
+    return root
+
+
+def test_messages_are_distributed_evenly_among_units(more: Path) -> None:
+    for kind, sizes in UNITS.items():
+        units = sorted((more / f"build/fast_msgs/CMakeFiles/own_{kind}.dir/Unity").glob("*.c"))
+        assert [unit.read_text(encoding="utf-8").count("#include") for unit in units] == sizes
+
+
+def test_third_party_generators_run_in_the_worker_or_in_their_own_process(more: Path) -> None:
+    printed = log(more)
     assert printed.count("third party") == printed.count("the second time") == 1
     assert "in vain" not in printed
-    assert [line for line in printed.splitlines() if line.startswith("forge: ")] == [
-        "forge: runs declined.py in a separate process: ValueError: once"
-    ]
+    assert "forge: runs declined.py in a separate process: ValueError: once" in printed.splitlines()
+    assert printed.count("in a separate process") == 1
+
+
+def test_sources_that_do_not_compile_together_are_compiled_separately(more: Path) -> None:
+    line = "forge: the generated sources do not compile together; compiling them one by one"
+    assert log(more).count(line) == 1
+    assert symbols(more / "install/fast_msgs/lib/libclash.so") == ["a", "b"]
+    write_files(more, {"src/fast_msgs/msg/Plain.msg": "int32 other\n"})
+    assert build(more).returncode == 0
+    assert line not in log(more)
+
+
+def test_sources_that_do_not_compile_at_all_fail(tree: Tree) -> None:
+    root = tree(interface_package("fast_msgs", SMALL, after=BROKEN))
+    done = build(root)
+    assert done.returncode == 1
+    assert re.search("error: .missing. undeclared", done.stderr)
 
 
 def test_an_invalid_definition_gives_the_error_of_rosidl(tree: Tree) -> None:

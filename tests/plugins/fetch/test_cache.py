@@ -6,6 +6,7 @@ import re
 import shutil
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -21,12 +22,31 @@ pytestmark = pytest.mark.needs("cmake", "git")
 DAYS = 86400
 
 
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of all tests, which each test finds as the first one."""
+    return tmp_path_factory.mktemp("home")
+
+
 @pytest.fixture
-def env(ros: Ros, tmp_path: Path, forge: Forge) -> dict[str, str]:
-    """Build a workspace on the small distribution; return the variables."""
-    workspace, variables = new_workspace(tmp_path / "ws"), ros.variables()
-    assert forge("fetch", cwd=workspace, env=variables).code == 0
+def tmp_path(home: Path) -> Path:
+    """Return the folder that the workspace is built in."""
+    return home / "now"
+
+
+@pytest.fixture
+def env(released: Ros, home: Path, tmp_path: Path, forge: Forge) -> dict[str, str]:
+    """Restore a workspace that is built on the small distribution, once; return the variables."""
+    shutil.rmtree(tmp_path, ignore_errors=True)
+    ros, workspace = replace(released, root=tmp_path / "ros"), tmp_path / "ws"
+    if (home / "built").exists():
+        shutil.copytree(home / "built", tmp_path, symlinks=True)
+        return ros.variables()
+    shutil.copytree(released.root, ros.root)
+    variables = ros.variables()
+    assert forge("fetch", cwd=new_workspace(workspace), env=variables).code == 0
     assert forge("build", cwd=workspace, env=variables).code == 0
+    shutil.copytree(tmp_path, home / "built", symlinks=True)
     return variables
 
 
