@@ -1,17 +1,12 @@
 """Unit tests start no programs and use no network: one that does fails."""
 
-from __future__ import annotations
-
 import sys
 import threading
 import traceback
+from collections.abc import Generator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
-
-if TYPE_CHECKING:
-    from collections.abc import Generator
 
 _HERE = str(Path(__file__).parent)
 _PROGRAMS = frozenset(

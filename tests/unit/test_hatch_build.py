@@ -1,7 +1,5 @@
 """The README on a package index has no link that leads nowhere."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

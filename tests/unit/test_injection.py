@@ -1,7 +1,5 @@
 """Text from packages never becomes code: each language's parser finds the same structure."""
 
-from __future__ import annotations
-
 import ast
 import json
 import os

@@ -1,7 +1,5 @@
 """`forge build --audit` reports what packages read without declaring it, and nothing in our own packages."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Mapping
 from functools import partial

@@ -1,11 +1,9 @@
 """Generated C: it compiles, and a C program uses it."""
 
-from __future__ import annotations
-
 import subprocess
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -25,9 +23,6 @@ from forge.interfaces.model import (
 from forge.interfaces.read.sources import Library
 from forge.plugins.c_target import target as c
 from tests.generated import catalog_of, difficult_constants, embedded_catalog
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 HERE = Path(__file__).parent
 RUNTIME = EMBEDDED / "rosidl_default_runtime" / "include"

@@ -1,10 +1,8 @@
 """Type descriptions in generated C: those of the .json files."""
 
-from __future__ import annotations
-
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -16,9 +14,6 @@ from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library
 from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
 from forge.plugins.c_target import target as c
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 HERE = Path(__file__).parent
 RUNTIME = EMBEDDED / "rosidl_default_runtime" / "include"

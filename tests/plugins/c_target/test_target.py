@@ -1,7 +1,5 @@
 """C headers as text: names, includes, constants and values."""
 
-from __future__ import annotations
-
 import ast
 import re
 from pathlib import Path

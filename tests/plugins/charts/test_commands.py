@@ -1,7 +1,5 @@
 """From ninja's log to the commands of a step and their longest chain."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import time

@@ -1,7 +1,5 @@
 """Text from packages never becomes markup or script in charts."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping

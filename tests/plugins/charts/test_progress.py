@@ -1,7 +1,5 @@
 """The progress of a build."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Output above the status lines is never erased."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable, Iterable
 from threading import Event, Thread

@@ -1,7 +1,5 @@
 """Work of a build by kind and file, the least possible time, and the difference between builds."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from itertools import pairwise

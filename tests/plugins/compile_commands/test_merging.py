@@ -1,7 +1,5 @@
 """compile_commands.json for the whole workspace."""
 
-from __future__ import annotations
-
 import json
 import os
 

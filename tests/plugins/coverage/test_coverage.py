@@ -1,12 +1,10 @@
 """The coverage of tests: reports of gcovr and coverage.py, and what is missing for them."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -16,9 +14,6 @@ from forge.output.reporters import Report, Run
 from forge.plugins.coverage.reporter import Coverage, CoveredLines, gcov_of, summary_lines
 from forge.toolchain.python_modules import install_command
 from tests.packages import package
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 HALF = """int half(int number)
 {

@@ -1,7 +1,5 @@
 """Files of created packages, and errors before any file is written."""
 
-from __future__ import annotations
-
 import ast
 import html
 import re

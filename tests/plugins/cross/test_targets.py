@@ -1,7 +1,5 @@
 """The names of platforms."""
 
-from __future__ import annotations
-
 import pytest
 
 from forge.plugins.cross.targets import parse_target, similar_target

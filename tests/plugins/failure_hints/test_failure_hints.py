@@ -1,7 +1,5 @@
 """Hints for failures that tests cannot provoke, and no hints for others."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from functools import partial

@@ -4,8 +4,6 @@ Reads a JSON list of templates from stdin; prints a list of pairs of results, an
 result is the output and the names that the template has set, or the type of the error.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import io
 import json

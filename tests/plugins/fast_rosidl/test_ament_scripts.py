@@ -1,23 +1,17 @@
 """Scripts that a real ament runs at configure time: in forge's worker, with the same result."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess
 import sys
 from collections import Counter
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
+from tests.conftest import Tree
 from tests.packages import manifest_text, write_files
 from tests.rosidl import DEBIAN, interface_package, underlay
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Tree
 
 pytestmark = [pytest.mark.slow, pytest.mark.needs(str(DEBIAN), "g++", "strace")]
 

@@ -1,7 +1,5 @@
 """Packages whose interfaces a real rosidl generates: with forge's worker and units, and without."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -9,15 +7,12 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.conftest import Tree
 from tests.packages import write_files
 from tests.rosidl import DEBIAN, interface_package, underlay
-
-if TYPE_CHECKING:
-    from tests.conftest import Tree
 
 pytestmark = [pytest.mark.slow, pytest.mark.needs(str(DEBIAN), "g++")]
 

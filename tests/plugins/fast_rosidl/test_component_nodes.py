@@ -1,21 +1,16 @@
 """Packages that register component nodes: the generated programs share a precompiled header."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.conftest import Tree
 from tests.packages import manifest_text, write_files
 from tests.rosidl import DEBIAN, underlay
-
-if TYPE_CHECKING:
-    from tests.conftest import Tree
 
 pytestmark = [pytest.mark.slow, pytest.mark.needs(str(DEBIAN), "g++")]
 

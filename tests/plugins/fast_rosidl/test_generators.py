@@ -1,21 +1,16 @@
 """What generators share in the worker's process, and how one of them runs."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import sys
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.plugins.fast_rosidl import generators
 from forge.plugins.fast_rosidl.generators import Generators
 from tests.rosidl import EMPY, MODULES, imported_anew
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 pytestmark = pytest.mark.needs(str(MODULES / "rosidl_parser"), str(EMPY["3"]))
 

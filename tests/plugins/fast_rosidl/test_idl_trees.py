@@ -1,10 +1,9 @@
 """Fast syntax trees against those of a real rosidl_parser: what it makes of both is the same."""
 
-from __future__ import annotations
-
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from lark import Lark
@@ -13,12 +12,8 @@ from lark.exceptions import LarkError
 import forge
 from forge.plugins.fast_rosidl import generators
 from forge.plugins.fast_rosidl.generators import described, fast_parser
+from tests.conftest import Forge
 from tests.rosidl import MODULES, imported_anew
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from tests.conftest import Forge
 
 pytestmark = pytest.mark.needs(str(MODULES / "rosidl_parser"))
 

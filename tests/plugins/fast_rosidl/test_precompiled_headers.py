@@ -1,12 +1,11 @@
 """Generated C++ sources share precompiled headers without a visible difference."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
 import sysconfig
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -15,11 +14,7 @@ from forge.plugins.fast_rosidl import recipe
 from forge.plugins.fast_rosidl.recipe import HEADERS_VARIABLE, prepare_precompiled_headers
 from forge.toolchain.resources import LIBRARY_PATH_BELOW
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    Compile = Callable[..., subprocess.Popen[str]]
+Compile = Callable[..., subprocess.Popen[str]]
 
 pytestmark = [pytest.mark.slow, pytest.mark.needs("g++")]
 

@@ -1,7 +1,5 @@
 """Compiled templates against EmPy itself, in both of its versions."""
 
-from __future__ import annotations
-
 import importlib.util
 import io
 import json

@@ -1,24 +1,18 @@
 """The worker for rosidl generators and ament scripts behaves like the commands themselves."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from forge.execution import worker_client
 from forge.plugins.fast_rosidl.generators import SCRIPTS
 from forge.plugins.fast_rosidl.recipe import WORKER_VARIABLE, rosidl_worker
+from tests.conftest import Tree
 from tests.rosidl import MODULES, underlay
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from tests.conftest import Tree
 
 pytestmark = pytest.mark.needs(str(MODULES / "rosidl_parser"))
 

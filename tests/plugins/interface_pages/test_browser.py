@@ -1,9 +1,7 @@
 """Interface pages in a real browser: search, links, and no errors."""
 
-from __future__ import annotations
-
 import time
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -13,12 +11,7 @@ from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
 from forge.plugins.interface_pages.command import write_site
 from forge.plugins.interface_pages.site import site
-from tests.browser import Keys
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.browser import Browser
+from tests.browser import Browser, Keys
 
 pytestmark = pytest.mark.needs("chromium", "chromedriver")
 

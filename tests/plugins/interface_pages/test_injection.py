@@ -1,7 +1,5 @@
 """Text from definitions and manifests never becomes markup or script in pages of interfaces."""
 
-from __future__ import annotations
-
 import re
 from html.parser import HTMLParser
 from pathlib import Path

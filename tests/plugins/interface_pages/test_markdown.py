@@ -1,7 +1,5 @@
 """Documentation pages as text."""
 
-from __future__ import annotations
-
 import re
 
 from forge.interfaces.model import Catalog, Constant, Field, Message, Primitive, String, TypeName

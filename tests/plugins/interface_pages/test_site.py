@@ -1,9 +1,7 @@
 """Interface pages: complete, reproducible, and safe against hostile text."""
 
-from __future__ import annotations
-
 import shutil
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -14,9 +12,6 @@ from forge.plugins.interface_pages.site import PackageInfo, Paragraph, paragraph
 from tests.conftest import GOLDEN, Forge, Golden, Tree
 from tests.generated import catalog_of
 from tests.sites import faults_of, read_page
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 MANIFEST = (
     '<package format="3"><name>{0}</name><version>1.2.3</version><description>About {0}.</description>'

@@ -1,21 +1,15 @@
 """The code snippets of interface pages run and compile."""
 
-from __future__ import annotations
-
 import re
 import subprocess
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from forge.base.distributions import EMBEDDED
+from tests.conftest import Forge
 from tests.generated import generate_embedded, run_python
 from tests.sites import read_page
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.conftest import Forge
 
 DOCS = ("interface", "docs")
 

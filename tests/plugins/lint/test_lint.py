@@ -1,7 +1,5 @@
 """`--strict`: error-prone definitions, and definitions that rosidl reads differently."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

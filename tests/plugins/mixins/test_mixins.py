@@ -1,7 +1,5 @@
 """Built-in mixins and how mixins combine."""
 
-from __future__ import annotations
-
 from forge.plugins.mixins.mixins import combined, read_mixins
 
 BUILT_IN = read_mixins(())

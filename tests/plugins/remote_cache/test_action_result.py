@@ -1,7 +1,5 @@
 """ActionResult messages, compared with the protobuf package."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

@@ -1,7 +1,5 @@
 """Typing errors on the command line get suggestions."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

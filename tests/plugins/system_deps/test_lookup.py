@@ -1,7 +1,5 @@
 """rosdep keys: by system, version and package manager; the first source wins."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

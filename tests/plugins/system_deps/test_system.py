@@ -1,7 +1,5 @@
 """Systems are named as in rosdep's files."""
 
-from __future__ import annotations
-
 import pytest
 
 from forge.plugins.system_deps.system import System, system_of

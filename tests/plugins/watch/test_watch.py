@@ -1,7 +1,5 @@
 """The watched folders and the lines of a watch; tests/e2e/test_watch.py has the rest."""
 
-from __future__ import annotations
-
 import os
 
 from forge.plugins.watch.watch import WatchSpec, watch_specs

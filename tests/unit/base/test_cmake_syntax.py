@@ -1,7 +1,5 @@
 """The arguments of CMake's command line."""
 
-from __future__ import annotations
-
 import pytest
 
 from forge.base.cmake_syntax import CMakeArgument, cmake_arguments, definitions

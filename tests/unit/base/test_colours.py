@@ -1,7 +1,5 @@
 """Which streams are coloured."""
 
-from __future__ import annotations
-
 import io
 
 import pytest

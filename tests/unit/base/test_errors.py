@@ -1,7 +1,5 @@
 """Problems of one kind in many packages are grouped."""
 
-from __future__ import annotations
-
 import pytest
 
 from forge.base.errors import GroupedProblems, Problem, WarningReporter, joined

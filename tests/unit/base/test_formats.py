@@ -1,7 +1,5 @@
 """YAML and TOML that cannot be read end in one error with the name of the file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

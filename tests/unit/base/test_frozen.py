@@ -1,7 +1,5 @@
 """Frozen values behave like frozen dataclasses."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from dataclasses import FrozenInstanceError, asdict, dataclass, field, fields, replace

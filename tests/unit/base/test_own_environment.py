@@ -1,7 +1,5 @@
 """Hints name the command that adds packages to the environment in which forge was installed."""
 
-from __future__ import annotations
-
 import shlex
 import sys
 

@@ -1,7 +1,5 @@
 """Templates are strict, and compiled templates may be cached."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A build that fails leaves what was installed before."""
 
-from __future__ import annotations
-
 import stat
 from pathlib import Path
 

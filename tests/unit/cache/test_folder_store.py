@@ -1,7 +1,5 @@
 """Permissions of a local cache folder, and the results in it."""
 
-from __future__ import annotations
-
 import grp
 import hashlib
 import os

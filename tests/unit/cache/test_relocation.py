@@ -1,7 +1,5 @@
 """Paths of a workspace are replaced and restored."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Trees of installed files: stored, restored, and checked for unsafe paths."""
 
-from __future__ import annotations
-
 import json
 import os
 import stat

@@ -1,7 +1,5 @@
 """What a session passes on to its reporters."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 from pathlib import Path

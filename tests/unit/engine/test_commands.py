@@ -1,7 +1,5 @@
 """A command could see something else only if what it read, found, listed or missed has changed."""
 
-from __future__ import annotations
-
 import json
 import tempfile
 from pathlib import Path

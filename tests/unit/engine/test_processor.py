@@ -1,7 +1,5 @@
 """What is known of a processor, for packages that are compiled for it."""
 
-from __future__ import annotations
-
 from forge.engine.world import processor
 
 ONE = """processor\t: 0

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from pathlib import Path
 
 from forge.environment.dsv import Edit, PackageEdits, Script

@@ -1,9 +1,7 @@
 """Peaks of packages, whether another one fits, and the words of compilers that were killed."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -16,9 +14,6 @@ from forge.execution.memory import PackageMemory, killed_program
 from forge.toolchain.resources import MemoryLimit, memory
 from tests.strategies import graphs
 from tests.unit.execution.test_scheduler import plan_of
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 GIGA = 1 << 30
 

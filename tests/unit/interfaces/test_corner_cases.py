@@ -4,8 +4,6 @@ Messages are loaded by `forge.interfaces.load`. The same cases in C++ are in
 tests/integration/interfaces/cpp/test_compiles.py, their serialization in python/test_cdr.py.
 """
 
-from __future__ import annotations
-
 import json
 from importlib import import_module
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The embedded interface packages: complete, consistent and documented."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Error messages of invalid definitions: tests/golden/interfaces/errors, a package per case."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Events of services: messages if the ROS distribution has them, else only part of the type hash."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

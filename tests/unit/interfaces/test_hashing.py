@@ -1,7 +1,5 @@
 """Type hashes and stored descriptions against known values."""
 
-from __future__ import annotations
-
 import json
 
 from forge.interfaces.hashing import hashes

@@ -1,7 +1,5 @@
 """Loading definitions as classes at run time, without writing files."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from importlib import import_module

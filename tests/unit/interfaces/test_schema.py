@@ -1,7 +1,5 @@
 """Schemas as stored by MCAP and rosbag2."""
 
-from __future__ import annotations
-
 import pytest
 
 from forge.base.errors import InterfaceError

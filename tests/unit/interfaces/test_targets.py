@@ -1,7 +1,5 @@
 """Interface targets of other distributions."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

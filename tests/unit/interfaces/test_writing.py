@@ -1,7 +1,5 @@
 """Writing of generated files: obsolete files are removed, and others are kept."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

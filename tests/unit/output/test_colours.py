@@ -1,7 +1,5 @@
 """The colours of pages meet the contrast requirements of WCAG, in light and dark mode."""
 
-from __future__ import annotations
-
 import re
 from itertools import product
 

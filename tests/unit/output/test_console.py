@@ -1,7 +1,5 @@
 """The console output of a build."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

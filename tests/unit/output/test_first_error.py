@@ -1,7 +1,5 @@
 """The first error in the output of a failed program."""
 
-from __future__ import annotations
-
 import pytest
 
 from forge.output.first_error import first_error

@@ -1,7 +1,5 @@
 """Log files."""
 
-from __future__ import annotations
-
 import re
 import time
 from contextlib import closing

@@ -1,7 +1,5 @@
 """Warnings of compilers reach the user, and each kind of warning is shown once."""
 
-from __future__ import annotations
-
 import pytest
 
 from forge.build.events import Finished, Output

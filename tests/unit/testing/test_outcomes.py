@@ -1,7 +1,5 @@
 """Result files are counted without losing a failure."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Variables passed to all packages, and CMake's warnings about unused ones."""
 
-from __future__ import annotations
-
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -1,7 +1,5 @@
 """Compiler launchers: the choice, the variables for CMake, host lists and statistics."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Looking up programs and config files, and identifying programs."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

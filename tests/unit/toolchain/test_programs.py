@@ -1,7 +1,5 @@
 """The programs of a build, and which compilers its packages need."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from pathlib import Path

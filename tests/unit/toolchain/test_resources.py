@@ -1,7 +1,5 @@
 """Processors and memory of simulated machines, and how compilers share them."""
 
-from __future__ import annotations
-
 import os
 
 import pytest

@@ -1,7 +1,5 @@
 """Errors in toolchains of other distributions are reported as theirs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

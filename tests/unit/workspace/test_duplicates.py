@@ -1,7 +1,5 @@
 """Packages with the same name are one message per copy, with the likely cause."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from forge.workspace.discovery import discover

@@ -1,7 +1,5 @@
 """forge and catkin_pkg agree on each package.xml: on dependencies, exports, groups and errors."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr

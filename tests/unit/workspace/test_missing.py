@@ -1,7 +1,5 @@
 """Missing ROS packages are warnings."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Packages without a package.xml: metadata from CMake and Python files, and their precedence."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Resolving dependencies: embedded packages, missing packages and cycles."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """A workspace is found from any folder inside it."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

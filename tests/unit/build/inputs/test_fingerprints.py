@@ -1,7 +1,5 @@
 """Stamps and digests of files."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tests of a package are detected without running code."""
 
-from __future__ import annotations
-
 import pytest
 
 from forge.build.tests.detection import has_ctests, requirements_of_tests

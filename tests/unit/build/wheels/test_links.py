@@ -1,14 +1,8 @@
 """Installed files of a Python package are links to its sources."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 from forge.build.wheels.backends import WheelInstall
 from forge.build.wheels.install_wheel import link_to_sources
-
-if TYPE_CHECKING:
-    from tests.conftest import Tree
+from tests.conftest import Tree
 
 
 def test_a_copy_in_a_virtual_environment_is_not_a_source(tree: Tree) -> None:

@@ -1,7 +1,5 @@
 """C++ headers as text: names, includes, values and comments."""
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Iterable

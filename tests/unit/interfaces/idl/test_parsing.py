@@ -1,7 +1,5 @@
 """The subset of IDL that rosidl supports, and errors for the rest."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

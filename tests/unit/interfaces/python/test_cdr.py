@@ -1,7 +1,5 @@
 """Serialization in Python: test vectors, unusual input, lazy reading and error messages."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 import re

@@ -1,7 +1,5 @@
 """Arrays and sequences of generated Python: accepted, converted and rejected values."""
 
-from __future__ import annotations
-
 import ctypes
 import math
 from array import array

@@ -1,7 +1,5 @@
 """Single fields of generated Python: defaults, accepted and rejected values."""
 
-from __future__ import annotations
-
 import copy
 import math
 import pickle

@@ -1,7 +1,5 @@
 """Use of generated Python: modules, messages, services and actions."""
 
-from __future__ import annotations
-
 import copy
 import math
 import pickle

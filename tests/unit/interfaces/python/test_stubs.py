@@ -1,7 +1,5 @@
 """Stubs of generated Python (PEP 561)."""
 
-from __future__ import annotations
-
 import ast
 
 import pytest

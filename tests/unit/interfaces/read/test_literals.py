@@ -1,7 +1,5 @@
 """Literals of each type and their values."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

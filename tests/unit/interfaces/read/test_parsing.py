@@ -1,7 +1,5 @@
 """Text to interfaces: declarations, comments, sections."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The search order of definitions."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """References between types: lookup, unknown types and cycles."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Layouts of serialized messages."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import pytest

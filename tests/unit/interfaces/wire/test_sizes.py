@@ -1,7 +1,5 @@
 """Computed sizes and offsets agree with serialized messages."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator, Mapping
 from importlib import import_module
