@@ -2,13 +2,11 @@
 
 import ast
 import re
-from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from forge.base.errors import InterfaceError
 from forge.interfaces.cpp.headers import detail_path
 from forge.interfaces.model import (
     Array,
@@ -16,12 +14,9 @@ from forge.interfaces.model import (
     Constant,
     Field,
     Message,
-    Named,
     Primitive,
     Sequence,
-    Source,
     String,
-    Type,
     TypeName,
     Value,
 )
@@ -29,30 +24,24 @@ from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder, read_runtime
 from forge.interfaces.resolve.resolution import resolve
 from forge.plugins.c_target import target as c
-from forge.plugins.c_target.target import declare, number, units
+from forge.plugins.c_target.target import number, units
 from tests.conftest import GOLDEN, Forge, Golden, Tree
-
-POINT = Named(TypeName("geometry_msgs", "msg", "Point"))
 
 
 def texts(*messages: Message) -> dict[str, str]:
-    """Return the headers of a package 'demo' by path."""
     catalog = Catalog("demo", {message.name: message for message in messages}, {}, {})
     return {file.path: file.text for file in c.files(catalog)}
 
 
 def message(*fields: Field, constants: tuple[Constant, ...] = (), name: str = "Thing") -> Message:
-    """Return a message of the package 'demo'."""
     return Message(TypeName("demo", "msg", name), fields, constants)
 
 
 def struct(*fields: Field, constants: tuple[Constant, ...] = ()) -> str:
-    """Return the header of a message's struct."""
     return texts(message(*fields, constants=constants))["demo/msg/detail/thing__struct.h"]
 
 
 def functions(*fields: Field) -> str:
-    """Return the header of a message's functions."""
     return texts(message(*fields))["demo/msg/detail/thing__functions.h"]
 
 
@@ -61,19 +50,6 @@ def test_headers_match_the_golden_files(golden: Golden) -> None:
     case = GOLDEN / "interfaces" / "c" / "robot"
     catalog = resolve("robot", parse_all(read_folder("robot", case)), Library())
     golden(case, {file.path: file.text for file in c.files(catalog)})
-
-
-def test_every_interface_has_rosidls_headers() -> None:
-    """Names are in snake case; the visibility header lies in msg and is there even if nothing else is."""
-    visibility = "demo/msg/rosidl_generator_c__visibility_control.h"
-    assert sorted(texts(message(name="UInt8"))) == [
-        "demo/msg/detail/u_int8__functions.h",
-        "demo/msg/detail/u_int8__struct.h",
-        "demo/msg/detail/u_int8__type_support.h",
-        visibility,
-        "demo/msg/u_int8.h",
-    ]
-    assert list(texts()) == [visibility]
 
 
 def test_a_folder_of_generated_c_is_self_contained(forge: Forge, tree: Tree) -> None:
@@ -86,39 +62,6 @@ def test_a_folder_of_generated_c_is_self_contained(forge: Forge, tree: Tree) -> 
     assert {"rosidl_runtime_c/string_functions.h", "rosidl_typesupport_interface/macros.h"} <= made
     assert all(path.endswith(".h") for path in made)
     assert {file.path.removeprefix("c/") for file in read_runtime("c")} <= made
-
-
-def test_idl_only_types_are_generated(forge: Forge, tree: Tree) -> None:
-    struct_ = "struct Only { wchar a; sequence<wchar> b; long double c; };"
-    root = tree({"src/idl/Only.idl": f"module tour {{ module idl {{ {struct_} }}; }};"})
-    argv = ("interface", "generate", "--package", "tour", "--output", "out", "--lang", "c", "src")
-    assert forge(*argv, cwd=root).code == 0
-
-
-def test_headers_include_each_header_of_members_once() -> None:
-    """Members of one type share an include, and each part includes the same part of others."""
-    fields = [
-        Field("a", POINT),
-        Field("b", Array(POINT, 2)),
-        Field("c", Sequence(String(), 2)),
-        Field("d", String(wide=True)),
-        Field("e", Sequence(Primitive("double"))),
-        Field("f", Array(Primitive("double"), 2)),
-    ]
-    assert re.findall(r'#include "(.*)"', struct(*fields)) == [
-        "geometry_msgs/msg/detail/point__struct.h",
-        "rosidl_runtime_c/primitives_sequence.h",
-        "rosidl_runtime_c/string.h",
-        "rosidl_runtime_c/u16string.h",
-    ]
-    assert re.findall(r'#include "(.*)"', functions(*fields)) == [
-        "demo/msg/detail/thing__struct.h",
-        "geometry_msgs/msg/detail/point__functions.h",
-        "rosidl_runtime_c/primitives_sequence_functions.h",
-        "rosidl_runtime_c/sequence_functions.h",
-        "rosidl_runtime_c/string_functions.h",
-        "rosidl_runtime_c/u16string_functions.h",
-    ]
 
 
 @pytest.mark.parametrize(
@@ -134,29 +77,6 @@ def test_headers_include_each_header_of_members_once() -> None:
 )
 def test_parts_are_declared_in_the_header_of_their_interface(name: TypeName, path: str) -> None:
     assert detail_path(name, "struct", "h") == path
-
-
-@pytest.mark.parametrize(
-    ("type_", "text"),
-    [
-        (Primitive("boolean"), "bool x"),
-        (Primitive("octet"), "uint8_t x"),
-        (Primitive("char"), "signed char x"),
-        (Primitive("wchar"), "uint16_t x"),
-        (Primitive("long double"), "long double x"),
-        (String(bound=5), "rosidl_runtime_c__String x"),
-        (String(wide=True), "rosidl_runtime_c__U16String x"),
-        (POINT, "geometry_msgs__msg__Point x"),
-        (Array(Primitive("float"), 3), "float x[3]"),
-        (Array(POINT, 3), "geometry_msgs__msg__Point x[3]"),
-        (Sequence(Primitive("long double")), "rosidl_runtime_c__long_double__Sequence x"),
-        (Sequence(Primitive("boolean"), 4), "rosidl_runtime_c__boolean__Sequence x"),
-        (Sequence(String(bound=2)), "rosidl_runtime_c__String__Sequence x"),
-        (Sequence(POINT, 8), "geometry_msgs__msg__Point__Sequence x"),
-    ],
-)
-def test_members_are_declared_as_specified(type_: Type, text: str) -> None:
-    assert declare(type_, "x") == text
 
 
 @pytest.mark.parametrize(
@@ -213,13 +133,6 @@ def test_bounds_are_enumerators() -> None:
 )
 def test_numbers_are_written_exactly(type_: Primitive, value: Value, text: str) -> None:
     assert number(value, type_) == text
-
-
-def test_fields_named_like_c_keywords_are_rejected() -> None:
-    """All others are keywords of C++ as well."""
-    source = Source("demo", "msg/A.msg", Path("A.msg"), "int8 restrict")
-    with pytest.raises(InterfaceError, match="field name 'restrict' is a keyword of C"):
-        parse_all([source])
 
 
 @given(st.text(st.characters(), max_size=20))

@@ -67,13 +67,11 @@ def run(forge: Forge, root: Path, *words: str, env: dict[str, str | None] | None
 
 
 def remarks(ran: Ran) -> dict[str, str]:
-    """Return the remarks on the packages that were tested."""
     lines = [line for line in ran.out.splitlines() if line.startswith("Finished <<< ") and "\t[ " in line]
     return {line.split()[2]: line.partition("\t[ ")[2].removesuffix(" ]") for line in lines}
 
 
 def why(ran: Ran) -> str:
-    """Return the remark on the only package that was tested."""
     (remark,) = remarks(ran).values()
     return remark
 

@@ -100,7 +100,6 @@ def test_path_dependencies_are_recognized(package_id: str, crate: str) -> None:
 
 
 def artifact(root: Path, folder: str, kind: list[str], file: str, executable: str | None = None) -> object:
-    """Return cargo's message about a compiled target."""
     return {
         "reason": "compiler-artifact",
         "package_id": f"path+file://{root}/{folder}#{'node' if folder == 'src' else 'other'}@1.0.0",
@@ -112,7 +111,6 @@ def artifact(root: Path, folder: str, kind: list[str], file: str, executable: st
 
 
 def command_of_tests(root: Path) -> list[str]:
-    """Return the words that test the package."""
     words = (root / "src", root / "build", root / "results/test.xml", root / "cargo")
     return ["test", "node", *map(str, words), "test"]
 

@@ -71,7 +71,6 @@ def add(repository: Path, tree: Tree, files: dict[str, str]) -> Path:
 
 
 def library(name: str, code: str) -> dict[str, str]:
-    """Return a CMake package with a library of one file."""
     lists = (
         f"cmake_minimum_required(VERSION 3.16)\nproject({name} CXX)\nadd_library(x x.cpp)\n"
         "target_compile_options(x PRIVATE -Wall)\ninstall(FILES x.cpp DESTINATION share)\n"

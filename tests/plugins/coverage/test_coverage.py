@@ -27,7 +27,6 @@ MAIN = "int half(int); int main(void) { return half(4) - 2; }\n"
 
 
 def task(root: Path, name: str, build_type: str, *, tests: bool = True) -> Task:
-    """Return the tests of a package, as they are planned."""
     build = root / "build" / name
     build.mkdir(parents=True, exist_ok=True)
     steps = (Step(StepKind.CTEST, ("true",), build),) if tests else ()
@@ -37,7 +36,6 @@ def task(root: Path, name: str, build_type: str, *, tests: bool = True) -> Task:
 def run(
     root: Path, *tasks: Task, variables: Mapping[str, str] = os.environ, python: str = sys.executable
 ) -> Run:
-    """Return a run of these tests."""
     return Run(
         command="test",
         plan=BuildPlan({task.name: task for task in tasks}),

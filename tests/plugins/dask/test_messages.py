@@ -25,7 +25,6 @@ def task(folder: Path, *programs: str) -> Task:
 
 
 def message(attempt: str, number: int, content: object) -> tuple[float, dict[str, object]]:
-    """Return a message as Dask delivers it."""
     return 0.0, {"attempt": attempt, "number": number, "content": pickle.dumps(content)}
 
 
@@ -85,7 +84,6 @@ class Quiet:
 def called(
     connection: Quiet, tmp_path: Path, *messages: object, promise: Promise | None = None
 ) -> list[Event]:
-    """Return the events of a task after some messages."""
     mailbox = Mailbox()
     for content in messages:
         mailbox.put("", 0, content)

@@ -53,7 +53,6 @@ class RunningSteps:
     """A step runner in a thread, at the other end of two pipes."""
 
     def __init__(self, remote_task: RemoteTask) -> None:
-        """Start it and send the task."""
         theirs, self._source = os.pipe()
         self.target, ours = os.pipe()
         self._ends = (os.fdopen(theirs, "rb", buffering=0), os.fdopen(ours, "wb"))
@@ -62,13 +61,11 @@ class RunningSteps:
         os.write(self._source, with_length(pickle.dumps(remote_task)))
 
     def run(self) -> None:
-        """Run the task; a failure ends the events."""
         source, target = self._ends
         with target:
             run_task(["1", ""], source, target)
 
     def events(self) -> Iterator[Event]:
-        """Yield its events, up to the last one."""
         with os.fdopen(self.target, "rb") as stream:
             while True:
                 event = pickle.loads(read_message(stream))
@@ -83,7 +80,6 @@ class RunningSteps:
             end.close()
 
     def send(self, command: str) -> None:
-        """Send a command to it."""
         os.write(self._source, f"{command}\n".encode())
 
     def leave(self) -> None:

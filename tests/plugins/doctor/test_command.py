@@ -365,20 +365,20 @@ def test_inconsistent_names_are_reported(forge: Forge, tree: Tree) -> None:
 
 
 @pytest.mark.parametrize(
-    "text",
+    ("table", "text"),
     [
-        "packages-ignore = ['b']",
-        "packages-skip = ['b']",
-        "packages-select = ['a']",
-        "base-paths = ['src/a']",
+        ("build", "packages-ignore = ['b']"),
+        ("build", "packages-skip = ['b']"),
+        ("build", "packages-select = ['a']"),
+        ("build", "base-paths = ['src/a']"),
+        ("profiles.ci.build", "packages-skip = ['b']"),
     ],
 )
-@pytest.mark.parametrize("file", ["build", "profiles.ci.build"])
 def test_packages_excluded_from_the_build_are_not_checked(
-    forge: Forge, tree: Tree, text: str, file: str
+    forge: Forge, tree: Tree, table: str, text: str
 ) -> None:
-    profile = ("--profile", "ci") if "ci" in file else ()
-    more = {"forge.toml": f"[{file}]\n{text}\nsymlink-install = true\n"}
+    profile = ("--profile", "ci") if "ci" in table else ()
+    more = {"forge.toml": f"[{table}]\n{text}\nsymlink-install = true\n"}
     root = tree({**cmake_package("a", ""), **cmake_package("b", ""), **more})
     ran = forge("doctor", *profile, cwd=root)
     assert "ok workspace 1 package ok" in " ".join(ran.out.split())

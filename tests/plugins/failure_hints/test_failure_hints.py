@@ -35,7 +35,6 @@ SCENE = FailureContext(
 
 
 def hint_of(said: str, scene: FailureContext) -> str:
-    """Return the hint for this output."""
     return hint_in(replace(scene, output=said))
 
 

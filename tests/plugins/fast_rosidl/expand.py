@@ -46,7 +46,6 @@ def interpreter(em: Any, output: io.StringIO) -> Any:
 
 
 def expanded(em: Any, template: str) -> object:
-    """Return the result of a template."""
     output = io.StringIO()
     running = interpreter(em, output)
     values = {**VALUES, "items": list(VALUES["items"]), "TEMPLATE": None}

@@ -58,7 +58,6 @@ def log(root: Path, package: str = "fast_msgs") -> str:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """Return the files below a folder by their relative paths."""
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
@@ -107,7 +106,6 @@ def test_accelerated_builds_match_rosidl(built: Path, tree: Tree) -> None:
 
 
 def precompiled(root: Path) -> list[Path]:
-    """Return the headers that were precompiled for a workspace."""
     return list(root.glob("build/forge_toolchain/headers/*/*/*.gch"))
 
 

@@ -83,13 +83,11 @@ def build(root: Path, *options: str) -> str:
 
 
 def said(root: Path, node: str) -> str:
-    """Return what an installed node prints."""
     program = root / "install/nodes/lib/nodes" / node
     return subprocess.run([program], capture_output=True, text=True, check=True).stdout
 
 
 def precompiled(root: Path) -> list[Path]:
-    """Return the precompiled headers of the package."""
     return list((root / "build/nodes").rglob("*.gch"))
 
 

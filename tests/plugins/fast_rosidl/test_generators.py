@@ -35,7 +35,6 @@ def environment(tmp_path: Path) -> dict[str, str]:
 
 @pytest.fixture
 def shared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Generators]:
-    """Return generators with an empty cache."""
     monkeypatch.setattr(sys, "argv", list(sys.argv))
     with imported_anew("em", "rosidl_parser", "rosidl_pycommon"):
         yield Generators(tmp_path / "cache")

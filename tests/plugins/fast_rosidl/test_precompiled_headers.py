@@ -66,7 +66,6 @@ def prepared(workspace: Path, *tools: tuple[str, str]) -> Path:
 
 
 def precompiled(folder: Path) -> list[Path]:
-    """Return the precompiled headers."""
     return sorted(folder.glob("*/*.gch"))
 
 

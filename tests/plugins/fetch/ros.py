@@ -75,7 +75,6 @@ class Ros:
         return _git(folder, "rev-parse", "HEAD")
 
     def publish(self) -> str:
-        """Write the index and the cache of the distribution; return the URL of the index."""
         distribution = {
             "type": "distribution",
             "version": 2,

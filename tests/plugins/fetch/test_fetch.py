@@ -2,7 +2,6 @@
 
 import re
 import shutil
-import subprocess
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -402,19 +401,6 @@ def test_the_lock_is_emptied_when_nothing_is_needed(ros: Ros, forge: Forge, tmp_
     new_workspace(workspace, *depends("libacl1-dev"))
     assert forge("fetch", cwd=workspace, env=env).code == 0
     assert "package" not in locked(workspace)
-
-
-def test_named_packages_can_be_fetched_into_an_empty_workspace(
-    ros: Ros, forge: Forge, tmp_path: Path
-) -> None:
-    workspace, env = tmp_path / "empty", ros.variables()
-    workspace.mkdir()
-    assert forge("fetch", "turtle", cwd=workspace, env=env).code == 0
-    ran = forge("build", cwd=workspace, env=env)
-    assert ran.code == 0, ran.err
-    script = ". install/setup.sh; echo $CMAKE_PREFIX_PATH"
-    sourced = subprocess.run(["sh", "-c", script], cwd=workspace, capture_output=True, text=True, check=True)
-    assert "ros/underlays/humble-" in sourced.stdout
 
 
 def test_exported_repositories_use_the_vcs_format(ros: Ros, forge: Forge, tmp_path: Path) -> None:

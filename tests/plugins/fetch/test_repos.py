@@ -25,7 +25,6 @@ def package(folder: str, name: str, *lines: str, version: str = "2.0.0") -> dict
 
 
 def repos(folder: Path, **versions: str) -> str:
-    """Write a file of repositories; return its name."""
     entries = {
         name: {"type": "git", "url": f"{SERVER}{name}.git", **({"version": version} if version else {})}
         for name, version in versions.items()

@@ -51,7 +51,7 @@ def built(tmp_path: Path) -> set[str]:
     return set(json.loads((underlay(tmp_path) / "built.json").read_text())["packages"])
 
 
-@pytest.mark.parametrize("words", [(), ("--json",), ("--event-handlers", "console_start_end-")])
+@pytest.mark.parametrize("words", [("--json",), ("--event-handlers", "console_start_end-")])
 def test_building_the_underlay_prints_two_lines(
     ros: Ros, forge: Forge, tmp_path: Path, words: tuple[str, ...]
 ) -> None:
@@ -204,6 +204,9 @@ def test_programs_of_fetched_packages_run_from_an_empty_workspace(
     assert forge("build", cwd=workspace, env=env).code == 0
     ran = forge("run", "turtle", "swim", cwd=workspace, env=env)
     assert (ran.code, ran.out) == (0, "it swims\n"), ran.err
+    script = ". install/setup.sh; echo $CMAKE_PREFIX_PATH"
+    sourced = subprocess.run(["sh", "-c", script], cwd=workspace, capture_output=True, text=True, check=True)
+    assert f"{underlay(tmp_path)}/install" in sourced.stdout
 
 
 def test_an_interrupted_underlay_is_checked_instead_of_rebuilt(

@@ -43,7 +43,6 @@ def initialized(forge: Forge, root: Path) -> Path:
 
 
 def typed(text: str) -> list[str]:
-    """Return the commands of forge in a script."""
     return re.findall(r"^forge .*$", text, re.MULTILINE)
 
 

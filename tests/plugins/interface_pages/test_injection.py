@@ -55,8 +55,6 @@ def test_interface_pages_show_every_fragment_as_text(fragment: str) -> None:
 
 
 class _Tags(HTMLParser):
-    """Notes every tag."""
-
     def __init__(self) -> None:
         super().__init__()
         self.tags: set[str] = set()

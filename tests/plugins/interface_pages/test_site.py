@@ -104,14 +104,6 @@ def test_all_links_resolve(forge: Forge, tree: Tree) -> None:
     assert "only referenced types" in (out / "builtin_interfaces/index.html").read_text()
 
 
-def test_all_embedded_packages_have_pages(forge: Forge, tmp_path: Path) -> None:
-    ran = forge(*DOCS, "--embedded", "-o", "site", cwd=tmp_path)
-    assert ran.code == 0
-    assert faults_of(tmp_path / "site") == []
-    pages = list((tmp_path / "site").glob("*/*/*.html"))
-    assert len(pages) == len(list(Library().names()))
-
-
 def test_the_same_interfaces_give_the_same_bytes(forge: Forge, tree: Tree, tmp_path: Path) -> None:
     """From another folder, in another order, at another time: pages contain no dates and no host paths."""
     root = workspace(tree)

@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 
 from forge.base.distributions import EMBEDDED
+from forge.interfaces.read.sources import Library
 from tests.conftest import Forge
 from tests.generated import generate_embedded, run_python
-from tests.sites import read_page
+from tests.sites import faults_of, read_page
 
 DOCS = ("interface", "docs")
 
@@ -27,10 +28,12 @@ def _snippets(folder: Path, language: str) -> dict[str, str]:
     return found
 
 
-def test_the_python_snippets_of_every_page_run(forge: Forge, tmp_path: Path) -> None:
-    forge(*DOCS, "--embedded", "-o", "site", cwd=tmp_path)
+def test_all_embedded_packages_have_pages_whose_python_snippets_run(forge: Forge, tmp_path: Path) -> None:
+    assert forge(*DOCS, "--embedded", "-o", "site", cwd=tmp_path).code == 0
+    assert faults_of(tmp_path / "site") == []
     generate_embedded(tmp_path / "code")
     snippets = _snippets(tmp_path / "site", "Python")
+    assert len(snippets) == len(list(Library().names()))
     code = (
         f"for name, text in {snippets!r}.items():\n    exec(compile(text, name, 'exec'), {{}})\nprint('all')"
     )

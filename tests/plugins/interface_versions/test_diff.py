@@ -71,7 +71,6 @@ def diff(forge: Forge, root: Path, *words: str) -> dict[str, dict[str, list[str]
 
 
 def written(folder: Path, files: Mapping[str, str]) -> Path:
-    """Write definitions into a folder, which is made."""
     for name, text in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8")

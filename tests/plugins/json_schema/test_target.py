@@ -37,7 +37,6 @@ def validators(package: str) -> dict[str, Draft202012Validator]:
 
 @cache
 def messages_of(package: str) -> list[tuple[str, Any]]:
-    """Return the names and classes of the messages of a package."""
     types = load(EMBEDDED / package, package)
     return [(name, types[name]) for name in types if name.startswith(f"{package}/msg/")]
 

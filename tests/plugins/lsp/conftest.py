@@ -52,7 +52,6 @@ class Pointer:
     index: Index
 
     def path(self, file: str) -> Path:
-        """Return the path of a file, which is named without 'src/'."""
         return self.index.root / "src" / file
 
     def at(self, file: str, word: str) -> tuple[Index, Path, int, int]:

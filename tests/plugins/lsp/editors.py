@@ -81,7 +81,6 @@ class Editor:
         self._send({"method": method, "params": params})
 
     def end(self) -> None:
-        """End the session."""
         self._number += 1
         self._send({"id": self._number, "method": "shutdown"})
         while self._receive().get("id") != self._number:
@@ -132,7 +131,6 @@ def index_of(root: Path) -> Index:
 
 @contextmanager
 def editor() -> Iterator[Editor]:
-    """Run a server in a thread and talk to it."""
     (requests_out, requests_in), (answers_out, answers_in) = os.pipe(), os.pipe()
     with (
         os.fdopen(requests_out, "rb") as requests,

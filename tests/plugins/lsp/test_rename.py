@@ -22,7 +22,6 @@ def apply(workspace: Pointer, renaming: Renaming) -> None:
 
 
 def words(workspace: Pointer, file: str) -> str:
-    """Return the text of a file on disk."""
     return workspace.path(file).read_text(encoding="utf-8")
 
 

@@ -31,14 +31,11 @@ def root(tree: Tree) -> Path:
 
 @pytest.fixture
 def mixin(forge: Forge, root: Path) -> partial[Ran]:
-    """Return `forge mixin` of this user."""
     return partial(forge, "mixin", cwd=root, env={"COLCON_HOME": str(root / "home")})
 
 
 @pytest.fixture
 def served(root: Path) -> Iterator[str]:
-    """Yield the URL of the repository on a server."""
-
     class Quiet(SimpleHTTPRequestHandler):
         def log_message(self, *_: object) -> None:
             pass

@@ -114,7 +114,6 @@ def target(tmp_path: Path) -> Iterator[Path]:
 
 @contextmanager
 def asking(url: str, seconds: float = AMPLE, variables: Mapping[str, str] | None = None) -> Iterator[Store]:
-    """Open a store, and close it."""
     backend = HttpBackend(url, seconds, {"HOME": "/nowhere", **(variables or {})})
     with closing(Store(backend, url, seconds)) as store:
         yield store
@@ -263,7 +262,6 @@ def test_connections_are_reused() -> None:
 
 @pytest.fixture
 def source(tmp_path: Path) -> Path:
-    """Return the file of the blob."""
     path = tmp_path / "source"
     path.write_bytes(BYTES)
     return path

@@ -30,7 +30,6 @@ RESULT = ActionResult((OutputFile("pack", DIGEST),))
 
 @pytest.fixture
 def source(tmp_path: Path) -> Path:
-    """Return the file of the blob."""
     path = tmp_path / "source"
     path.write_bytes(BYTES)
     return path
@@ -66,7 +65,6 @@ class Fake:
 
 
 def remote_of(fake: Fake, warnings: list[str], *, seconds: float = 10, uploaders: int = 1) -> Remote:
-    """Open a fake backend."""
     options = RemoteOptions(seconds, writable=True, variables={}, warn=warnings.append)
     return Remote(fake, "fake://me:secret@host/", options, uploaders=uploaders)
 
@@ -199,7 +197,6 @@ class Refused(threading.Thread):
     """A thread that the system does not start."""
 
     def start(self) -> None:
-        """Raise what Python raises at the limit of threads."""
         raise RuntimeError("can't start new thread")
 
 

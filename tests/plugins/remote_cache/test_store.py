@@ -26,14 +26,12 @@ RESULT = ActionResult((OutputFile("files.tar", DIGEST), OutputFile("run me", DIG
 
 @pytest.fixture(scope="module")
 def nginx(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Nginx]:
-    """Run one server for all tests here."""
     with serving(tmp_path_factory.mktemp("nginx")) as running:
         yield running
 
 
 @pytest.fixture(params=[pytest.param("nginx", marks=pytest.mark.needs("/usr/sbin/nginx")), "file", "memory"])
 def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
-    """Return the URL of an empty store."""
     if request.param == "nginx":
         running = request.getfixturevalue("nginx")
         for path in running.files.glob("*/*"):

@@ -310,7 +310,6 @@ def installable(tree: Tree) -> Path:
 
 
 def install(forge: Forge, root: Path, *argv: str, **env: str) -> Ran:
-    """Run it with the programs of the workspace, and without this machine's rosdep data."""
     variables = {
         "PATH": f"{root}/bin:/usr/bin:/bin",
         "LOG": str(root / "log"),

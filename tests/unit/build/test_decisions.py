@@ -7,7 +7,6 @@ each file may be as old as it likes. What is in the build folder must be what a 
 
 import itertools
 import random
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -314,13 +313,3 @@ def test_the_most_significant_change_is_the_reason(count: int) -> None:
         reason = reason_to_build("p", *state)
         assert reason is not None, names
         assert reason.text.startswith(expected(names)), names
-
-
-def test_every_kind_of_reason_is_covered() -> None:
-    """Of each kind of reason: the kinds are told apart in output, JSON and statistics."""
-    kinds = Counter[InputKind]()
-    for change in REASONS.values():
-        reason = reason_to_build("p", *change(NOW, RECORD, WORLD))
-        assert reason is not None
-        kinds[reason.kind] += 1
-    assert kinds.keys() == {*InputKind}

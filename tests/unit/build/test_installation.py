@@ -17,7 +17,6 @@ INDEX = "share/ament_index/resource_index/packages"
 
 
 def layout_in(base: Path, *, merged: bool = False, symlink: bool = False) -> Layout:
-    """Return the usual folders below `base`."""
     return Layout(base / "build", base / "install", None, merged, symlink)
 
 

@@ -19,7 +19,6 @@ KEY = "ab" * 32
 
 @pytest.fixture(params=[0o000, 0o022, 0o077], ids=oct)
 def mask(request: pytest.FixtureRequest) -> Iterator[int]:
-    """Set a umask."""
     before = os.umask(request.param)
     yield request.param
     os.umask(before)

@@ -11,7 +11,6 @@ from forge.cache.relocation import Relocator
 
 
 def places(root: str) -> Relocator:
-    """Return the places of a workspace with the usual folders."""
     path = Path(root)
     return Relocator(path, Layout(path / "build", path / "install", None))
 

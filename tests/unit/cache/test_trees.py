@@ -48,7 +48,6 @@ def surveyed(layout: Layout, pack: Path, elsewhere: tuple[str, ...] = ()) -> Tre
 
 
 def planted(tree: Tree, pack: Path, source: Path, root: Path) -> Layout:
-    """Put a tree below another root."""
     layout = Layout(root / "build", root / "install", None)
     large = {
         leaf.hash: os.open(source / leaf.path, os.O_RDONLY)
@@ -149,7 +148,6 @@ def index(*leaves: list[Any], **other: object) -> bytes:
 
 
 def leaf(path: object, offset: int = 0, size: int = 1, target: object = None) -> list[Any]:
-    """Return a leaf as it stands in an index."""
     return [path, 0o644, size, HASH, offset, False, target, ""]
 
 

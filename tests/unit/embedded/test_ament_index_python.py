@@ -29,13 +29,11 @@ def _path() -> Iterator[None]:
 
 @pytest.fixture
 def index() -> ModuleType:
-    """Import ament_index_python."""
     return import_module("ament_index_python")
 
 
 @pytest.fixture
 def runtime() -> ModuleType:
-    """Import rosidl_runtime_py."""
     return import_module("rosidl_runtime_py")
 
 

@@ -14,7 +14,6 @@ class Extension(ModuleType):
     """A C extension that has everything; each entry is its own name."""
 
     def __getattr__(self, name: str) -> str:
-        """Return the name."""
         return name
 
 

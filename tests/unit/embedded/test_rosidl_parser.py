@@ -12,7 +12,6 @@ from tests.generated import RUNTIME
 
 @pytest.fixture(scope="module")
 def definition() -> Iterator[ModuleType]:
-    """Import rosidl_parser.definition."""
     sys.path.insert(0, str(RUNTIME))
     yield import_module("rosidl_parser.definition")
     sys.path.remove(str(RUNTIME))

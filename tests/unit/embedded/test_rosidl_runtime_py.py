@@ -12,14 +12,12 @@ import yaml
 
 @pytest.fixture
 def runtime(probe: Path) -> ModuleType:
-    """Import rosidl_runtime_py."""
     assert probe.is_dir()
     return import_module("rosidl_runtime_py")
 
 
 @pytest.fixture
 def names(probe: Path) -> ModuleType:
-    """Import rosidl_runtime_py.utilities."""
     assert probe.is_dir()
     return import_module("rosidl_runtime_py.utilities")
 

@@ -10,7 +10,6 @@ from tests.strategies import graphs
 
 
 def prepend(value: str, variable: str = "X") -> Edit:
-    """Return the edit that puts a path below the prefix first."""
     return Edit("prepend", variable, value, below=True)
 
 

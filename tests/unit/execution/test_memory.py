@@ -19,7 +19,6 @@ GIGA = 1 << 30
 
 
 def memory_of(tmp_path: Path, text: str = "", **limit: float) -> PackageMemory:
-    """Return the memory with these stored peaks."""
     file = tmp_path / "memory.json"
     if text:
         file.write_text(text)

@@ -4,26 +4,18 @@ Messages are loaded by `forge.interfaces.load`. The same cases in C++ are in
 tests/integration/interfaces/cpp/test_compiles.py, their serialization in python/test_cdr.py.
 """
 
-import json
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from forge.base.distributions import EMBEDDED
-from forge.base.errors import InterfaceError
 from forge.base.names import snake_case
 from forge.interfaces import load
 from forge.interfaces.hashing import hashes
 from forge.interfaces.model import (
-    Array,
     Interface,
     Message,
-    Primitive,
-    Sequence,
     Source,
-    String,
     TypeName,
 )
 from forge.interfaces.read.parsing import parse, parse_all
@@ -122,15 +114,9 @@ def message(text: str) -> Message:
 
 
 def embedded(name: str) -> Any:
-    """Return an embedded interface."""
     parsed = Library().find(TypeName(*name.split("/")))
     assert parsed
     return parsed.interface
-
-
-def made(text: str) -> Any:
-    """Return the Python class of a message."""
-    return load(text, "tour/msg/A")["tour/msg/A"]
 
 
 @pytest.fixture(scope="module")
@@ -143,26 +129,6 @@ def test_msgs(
     for name, text in TEST_MSGS.items():
         (folder / "msg" / f"{name}.msg").write_text(text, encoding="utf-8")
     return folder
-
-
-@pytest.mark.parametrize("name", ["Arrays", "BoundedSequences", "UnboundedSequences"])
-def test_fields_after_strings_of_odd_length_are_aligned(name: str, test_msgs: Path) -> None:
-    class_ = load(
-        test_msgs,
-        "test_msgs",
-    )[f"test_msgs/msg/{name}"]
-    forge_cdr = import_module("forge_cdr")
-    value = class_(alignment_check=0x01020304)
-    data = forge_cdr.serialize(value)
-    assert data.endswith(b"\x04\x03\x02\x01")
-    assert len(data) % 4 == 0
-    assert forge_cdr.deserialize(data, class_) == value
-
-
-def test_wide_strings_can_contain_any_character() -> None:
-    value = made(TEST_MSGS["WStrings"])()
-    assert (value.wstring_value_default2, value.wstring_value_default3) == ("Hellö wörld!", "ハローワールド")
-    assert not hasattr(value, "WSTRING_CONST")
 
 
 @pytest.mark.parametrize("name", KNOWN)
@@ -191,42 +157,11 @@ def test_bare_and_qualified_type_names_are_equivalent(tree: Tree) -> None:
         assert type(section().near) is type(section().again)
 
 
-def test_bytes_and_their_constants_are_bytes_in_python() -> None:
-    status = load(EMBEDDED / "diagnostic_msgs")["diagnostic_msgs/msg/DiagnosticStatus"]
-    assert (status().level, status.OK, status.STALE) == (b"\0", b"\0", b"\3")
-    log = load(EMBEDDED / "rcl_interfaces")["rcl_interfaces/msg/Log"]
-    assert (log().level, log.DEBUG, log.INFO, log.FATAL) == (0, b"\n", b"\x14", b"2")
-
-
-def test_integer_defaults_of_float_fields_are_floats() -> None:
-    pose = load(EMBEDDED / "geometry_msgs")["geometry_msgs/msg/Pose"]()
-    assert (type(pose.orientation.w), pose.orientation.w) == (float, 1.0)
-
-
 def test_any_text_in_brackets_is_a_unit_as_in_rosidl() -> None:
     (field,) = message("float32 a # a share [0.0-1.0]").fields
     assert (field.doc, field.unit) == (("a share",), "0.0-1.0")
     assert message("# K[0] == 0.0 says that.\n\nint8 a").doc == ("K == 0.0 says that.",)
     assert message("#     [fx  0 cx]\n# K = [ 0 fy cy]\n\nint8 a").doc == ("    [fx  0 cx]", "K = [ 0 fy cy]")
-
-
-def test_char_arrays_of_events_are_hashed_as_uint8(forge: Forge, tmp_path: Path) -> None:
-    assert embedded("service_msgs/msg/ServiceEventInfo").fields[2].type == Array(Primitive("uint8"), 16)
-    arguments = ["--package", "service_msgs", "--lang", "json", "--output", str(tmp_path)]
-    forge("interface", "generate", *arguments, str(EMBEDDED / "service_msgs"))
-    stored = json.loads((tmp_path / "json/service_msgs/msg/ServiceEventInfo.json").read_text())
-    fields = stored["type_description_msg"]["type_description"]["fields"]
-    assert [f["type"]["type_id"] for f in fields if f["name"] == "client_gid"] == [51]
-
-
-def test_sequences_of_bounded_wide_strings_are_rejected() -> None:
-    with pytest.raises(InterfaceError, match=r"rosidl reads 'wstring<=4\[\]' as 'wstring<=4\[<=4\]'"):
-        read("wstring<=4[] a")
-    with pytest.raises(InterfaceError, match="rosidl reads 'sequence<wstring<4>>' as"):
-        read("module tour { module msg { struct A { sequence<wstring<4>> a; }; }; };", "msg/A.idl")
-    wide = String(wide=True, bound=4)
-    fields = message("wstring<=4[2] a\nwstring<=4[<=3] b\nstring<=4[] c").fields
-    assert [field.type for field in fields] == [Array(wide, 2), Sequence(wide, 3), Sequence(String(bound=4))]
 
 
 def test_idl_only_types_have_their_own_namespace(forge: Forge, tree: Tree) -> None:
@@ -251,20 +186,3 @@ def test_types_named_like_python_keywords_are_errors_of_the_python_target(forge:
     )
     words = ("generate", "--package", "tour", "--output", "out", "--lang", "cpp", "src")
     assert forge("interface", *words, cwd=folder).code == 0
-
-
-def test_files_in_other_folders_belong_to_the_generating_package(forge: Forge, tree: Tree) -> None:
-    root = tree({"share/files/msg/Inner.msg": "int8 a", "share/files/msg/Outer.msg": "Inner inner"})
-    files = [word for name in ("Inner", "Outer") for word in ("--file", f"share/files:msg/{name}.msg")]
-    ran = forge(
-        "interface",
-        "hash",
-        "--package",
-        "test_msgs",
-        *files,
-        cwd=root,
-    )
-    assert [line.split()[0] for line in ran.out.splitlines()] == [
-        "test_msgs/msg/Inner",
-        "test_msgs/msg/Outer",
-    ]

@@ -64,7 +64,6 @@ def _of_distribution(name: str, rosdistro: str) -> tuple[Parsed, ...]:
 
 
 def _everywhere(name: str) -> dict[Path, Parsed]:
-    """Return the definitions of all distributions by file."""
     return {p.source.path: p for rosdistro in DISTRIBUTIONS for p in _of_distribution(name, rosdistro)}
 
 

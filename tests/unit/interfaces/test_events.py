@@ -23,7 +23,6 @@ DEFINITIONS = {
 
 
 def catalog(*, events: bool) -> Catalog:
-    """Return a package with a message, a service and an action."""
     sources = [Source("demo", path, Path(path), text) for path, text in DEFINITIONS.items()]
     return resolve("demo", parse_all(sources), Library(), events=events)
 

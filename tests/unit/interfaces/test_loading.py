@@ -10,7 +10,7 @@ import pytest
 
 import forge
 from forge.base.errors import InterfaceError, SelectionError
-from forge.interfaces import Types, load
+from forge.interfaces import load
 from tests.conftest import Tree
 
 LINE = "=" * 80
@@ -106,7 +106,3 @@ def test_big_endian_bytes_are_read_into_in_memory_types() -> None:
     data = bytes.fromhex("00000000 00000001 00000002 00000004 6d617000 0003")
     message = forge_cdr.deserialize(data, types["tour/msg/B"])
     assert (message.header.stamp.sec, message.header.frame_id, message.a) == (1, "map", 3)
-
-
-def test_load_returns_a_types_object() -> None:
-    assert isinstance(load("int8 a", "tour/msg/A"), Types)

@@ -24,7 +24,6 @@ def test_text_has_sufficient_contrast(theme: dict[str, str], text: str, ground: 
 
 
 def luminance(colour: str) -> float:
-    """Return the relative luminance of a colour such as #a0b1c2."""
     channels = (int(colour[start : start + 2], 16) / 255 for start in (1, 3, 5))
     linear = (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels)
     return sum(weight * channel for weight, channel in zip((0.2126, 0.7152, 0.0722), linear, strict=True))

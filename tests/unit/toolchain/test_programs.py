@@ -25,7 +25,6 @@ def beside_nothing(monkeypatch: pytest.MonkeyPatch, root: Path) -> None:
 
 
 def compiled(root: Path, project: str) -> Package:
-    """Return a CMake package with the given project() line."""
     made = replace(package("a", build_type="cmake"), path=root / "a")
     made.path.mkdir(exist_ok=True)
     (made.path / "CMakeLists.txt").write_text(project)

@@ -10,7 +10,6 @@ from tests.packages import manifest_text, manifests
 
 
 def found(root: Path, *base_paths: str) -> dict[str, str]:
-    """Return name -> path."""
     workspace = discover(root, base_paths or ["."], {})
     return {name: str(package.path) for name, package in workspace.packages.items()}
 

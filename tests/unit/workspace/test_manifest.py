@@ -17,7 +17,6 @@ def parse(text: str) -> Manifest:
 
 
 def problems(text: str) -> list[str]:
-    """Return the first line of each problem."""
     with pytest.raises(WorkspaceError) as error:
         parse(text)
     return [problem.render().splitlines()[0] for problem in error.value.problems]

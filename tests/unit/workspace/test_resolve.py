@@ -16,7 +16,6 @@ def by_name(*packages: Package) -> dict[str, Package]:
 
 
 def embedded(name: str, *depends: str, family: str = "", answers: tuple[str, ...] = ()) -> Package:
-    """Return a package like those embedded in forge."""
     made = package(name, *depends)
     exports = [Export("forge_provides", (), other) for other in answers]
     if family:

@@ -76,7 +76,6 @@ def test_rebased_paths_name_the_same_files() -> None:
 
 @pytest.fixture
 def workspace(tree: Tree) -> Path:
-    """Return a workspace of two packages."""
     return (
         tree(
             {

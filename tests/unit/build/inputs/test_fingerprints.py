@@ -120,7 +120,6 @@ def test_a_package_inside_a_virtual_environment_keeps_its_sources(tmp_path: Path
 
 
 def mark(package: Path, known: Fingerprint | None = None) -> Fingerprint:
-    """Mark with a table that knows nothing."""
     return fingerprint_tree(str(package), FileTable(package.parent / "table"), known)[0]
 
 

@@ -29,13 +29,11 @@ CM = package("c", build_type="cmake")
 
 
 def with_options(**options: object) -> TestContext:
-    """Return the context with other options."""
     modules = options.pop("modules", CONTEXT.modules)
     return replace(CONTEXT, modules=modules, options=TestOptions(**options))  # type: ignore[arg-type]
 
 
 def only(steps: tuple[Step, ...]) -> tuple[str, ...]:
-    """Return the words of the one step."""
     (step,) = steps
     return step.argv
 

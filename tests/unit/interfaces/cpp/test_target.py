@@ -41,7 +41,6 @@ def texts(*messages: Message, others: Iterable[Named] = (POINT,)) -> dict[str, s
 
 
 def message(*fields: Field, constants: tuple[Constant, ...] = (), name: str = "Thing") -> Message:
-    """Return a message of the package 'demo'."""
     return Message(TypeName("demo", "msg", name), fields, constants)
 
 

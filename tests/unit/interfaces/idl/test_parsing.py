@@ -35,17 +35,14 @@ LIBRARY = Library()
 
 
 def read(text: str, relative: str = "msg/A.idl") -> Interface:
-    """Parse an .idl file of package p."""
     return parse(Source("p", relative, Path(relative), text))
 
 
 def in_modules(text: str) -> str:
-    """Return the text inside the two modules of a message."""
     return f"module p {{ module msg {{ {text} }}; }};"
 
 
 def message(members: str, before: str = "") -> Message:
-    """Parse a message with these members."""
     read_message = read(in_modules(f"{before} struct A {{ {members} }};"))
     assert isinstance(read_message, Message)
     return read_message

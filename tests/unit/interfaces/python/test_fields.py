@@ -104,10 +104,6 @@ def test_a_rejected_scalar_leaves_the_field_unchanged(
         msg.Scalars(**{name: value})
 
 
-def test_nan_is_a_float(msg: ModuleType) -> None:
-    assert math.isnan(msg.Scalars(single=math.nan).single)
-
-
 def test_a_message_field_accepts_subclasses(msg: ModuleType) -> None:
     class Special(msg.Point):  # type: ignore[misc, name-defined]
         """A user's subclass."""

@@ -29,7 +29,6 @@ INT8 = Primitive("int8")
 
 
 def message(text: str) -> Message:
-    """Return the message in 'tour/msg/Walk.msg' with this text."""
     interface = parse(Source("tour", "msg/Walk.msg", Path("Walk.msg"), text))
     assert isinstance(interface, Message)
     return interface

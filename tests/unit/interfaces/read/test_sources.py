@@ -14,7 +14,6 @@ INDEX = "share/ament_index/resource_index/rosidl_interfaces"
 
 
 def fields(library: Library, name: str) -> list[str]:
-    """Return the names of the fields of a message in a library."""
     parsed = library.find(TypeName(*name.split("/")))
     assert parsed
     return [field.name for field in getattr(parsed.interface, "fields", ())]

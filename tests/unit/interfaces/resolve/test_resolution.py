@@ -48,7 +48,6 @@ ROS = {
 
 
 def catalog(files: Mapping[str, str], shelf: Shelf | None = None) -> Catalog:
-    """Resolve the package 'tour' with these files."""
     sources = [Source("tour", relative, Path(relative), text) for relative, text in files.items()]
     return resolve("tour", parse_all(sources), shelf or Shelf(ROS))
 

@@ -10,7 +10,6 @@ from tests.generated import catalog_of, embedded_catalog
 
 
 def layout_of(definitions: Mapping[str, str], name: str = "X", start: Phase = START) -> MessageLayout:
-    """Return the layout of a message of the package 'p'."""
     files = {f"msg/{stem}.msg": text for stem, text in definitions.items()}
     return LayoutBuilder(catalog_of("p", files).known).of(TypeName("p", "msg", name), start)
 

@@ -34,7 +34,6 @@ NAMES = sorted(CATALOG.interfaces)
 
 @pytest.fixture(scope="module")
 def classes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mapping[str, Any]]:
-    """Yield the generated classes by name."""
     folder = tmp_path_factory.mktemp("spans")
     generate(folder, CATALOG)
     with importable(folder):
