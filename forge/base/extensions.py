@@ -73,6 +73,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
     BUILD_TYPES: {
         "ament_cargo": "forge.plugins.cargo.build_type",
         "cargo": "forge.plugins.cargo.build_type",
+        "python": "forge.plugins.pyproject.build_type",
     },
     STORES: {
         "fsspec": "forge.plugins.remote_cache.fsspec_backend",
@@ -107,7 +108,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
 }
 """The plugins in forge/plugins/: modules by group and name, as in the entry points of pyproject.toml."""
 
-PACKAGE_FILES: Mapping[str, str] = {"Cargo.toml": "cargo"}
+PACKAGE_FILES: Mapping[str, str] = {"setup.py": "python", "pyproject.toml": "python", "Cargo.toml": "cargo"}
 """Files that make a folder a package without package.xml, and the build types of plugins that read them."""
 
 _EXTRAS = {

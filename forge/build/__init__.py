@@ -24,4 +24,5 @@ __all__ = [
     "tasks",
     "tests",
     "up_to_date",
+    "wheels",
 ]

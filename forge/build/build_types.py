@@ -1,4 +1,4 @@
-"""The build types: those of CMake and Python, and those of plugins.
+"""The build types: those of CMake, `ament_python`, and those of plugins.
 
 A build type of a plugin is an entry point of the group 'forge.build_types'. It refers to a module (or another
 object) with the fields of BuildType as attributes:
@@ -73,7 +73,6 @@ OWN: Mapping[str, BuildType] = {
     "ament_cmake": BuildType(cmake.options, cmake.recipe, cmake.tests),
     "ament_python": BuildType(common_options, python.recipe, python.tests, tests_need_build=False),
     "cmake": BuildType(cmake.options, cmake.recipe, cmake.tests),
-    "python": BuildType(common_options, python.plain_recipe, python.tests, tests_need_build=False),
 }
 
 

@@ -28,9 +28,9 @@ _NAME = re.compile(r"<name>\s*([\w.-]+)\s*</name>")
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 ROS_IGNORE_FILES = ("AMENT_IGNORE", "CATKIN_IGNORE")
 FOREIGN_INSTALLS = ("_order_isolated_packages.py", "_setup_util.py")
-OWN_TYPES = frozenset({"cmake", "python", "ros", *PACKAGE_FILES.values()})
+OWN_TYPES = frozenset({"cmake", "ros", *PACKAGE_FILES.values()})
 """The supported types in colcon.pkg and *.meta files, besides those that begin with 'ros.'."""
-PLAIN = frozenset({"CMakeLists.txt", "setup.py", "pyproject.toml", *PACKAGE_FILES})
+PLAIN = frozenset({"CMakeLists.txt", *PACKAGE_FILES})
 MARKER_FILES = (
     frozenset({IGNORE_MARK, *ROS_IGNORE_FILES, *FOREIGN_INSTALLS, COLCON_PKG, "package.xml", "manifest.xml"})
     | PLAIN

@@ -1,4 +1,4 @@
-"""Identifies folders without package.xml that CMake or a Python backend can build."""
+"""Identifies folders without package.xml that CMake or a build type of forge's plugins can build."""
 
 from __future__ import annotations
 
@@ -8,30 +8,28 @@ from pathlib import Path
 from forge.base.errors import Location, Problem
 from forge.base.extensions import BUILD_TYPES, PACKAGE_FILES, absent
 from forge.base.files import not_regular_reason, text_or_nothing
-from forge.base.formats import read_toml
 from forge.workspace.cmake_text import cmake_dependencies, cmake_files, project_name
 from forge.workspace.identity import Folder, Identity, identify_with
 from forge.workspace.model import Dependency, DependencyKind, Manifest, Package
 from forge.workspace.overrides import COLCON_PKG
-from forge.workspace.python_metadata import PythonMetadata, read_pyproject, read_setup_cfg, read_setup_py
+from forge.workspace.python_metadata import read_setup_cfg
 
 
 def identify_plain(folder: Folder) -> Identity | None:
-    """Return the identity according to CMake or Python files, or to those of forge's plugins, or None.
+    """Return the identity according to CMakeLists.txt, or to files of forge's plugins, or None.
 
     Raises WorkspaceError for a malformed pyproject.toml, OSError for unreadable files.
     """
-    identity = _ambiguous(folder) or cmake_package(folder) or python_package(folder)
-    if identity is not None:
+    if identity := _ambiguous(folder) or cmake_package(folder):
         return identity
+    notes = []
     for file, build_type in PACKAGE_FILES.items():
         if folder.may_be(build_type) and folder.has(file):
             if problem := absent(BUILD_TYPES, build_type, "build type"):
-                note = replace(problem, location=Location(folder.display_path / file))
-                return Identity(notes=(note,), descend=True)
-            return identify_with(build_type, folder)
+                notes.append(replace(problem, location=Location(folder.display_path / file)))
+            elif identity := identify_with(build_type, folder):
+                return identity
     # Files that are not regular are reported.
-    notes = []
     for name in sorted({"CMakeLists.txt", "setup.py", "pyproject.toml"}.intersection(folder.entries)):
         try:
             reason = not_regular_reason(folder.absolute / name, (folder.absolute / name).stat())
@@ -64,7 +62,7 @@ def cmake_package(folder: Folder) -> Identity | None:
     if name == "Project" and "catkin_workspace()" in text.splitlines():
         message = "ignored: this is the top-level CMakeLists.txt that catkin_make creates"
         return Identity(descend=True, notes=(Problem(message, Location(path)),))
-    notes = (_no_literal(folder, path),) if name == "" and not folder.name else ()
+    notes = (computed_name(folder, path),) if name == "" and not folder.name else ()
     name = name or folder.absolute.resolve().name
     # As in colcon, dependencies are not read if the user assigned both name and type.
     assigned = folder.name and folder.type
@@ -75,53 +73,6 @@ def cmake_package(folder: Folder) -> Identity | None:
     return Identity(plain_package(folder, folder.name or name, "cmake", path, dependencies), notes=notes)
 
 
-def python_package(folder: Folder) -> Identity | None:
-    """Read setup.py, completed by setup.cfg and pyproject.toml like setuptools, else pyproject.toml."""
-    if not folder.may_be("python"):
-        return None
-
-    def setup_cfg() -> PythonMetadata:
-        return read_setup_cfg(folder.text("setup.cfg")) if folder.has("setup.cfg") else PythonMetadata()
-
-    def pyproject() -> PythonMetadata | None:
-        path = folder.display_path / "pyproject.toml"
-        has_file = folder.has("pyproject.toml")
-        return read_pyproject(read_toml(folder.content("pyproject.toml"), path)) if has_file else None
-
-    if folder.has("setup.py"):
-        path = folder.display_path / "setup.py"
-        try:
-            facts = read_setup_py(folder.text("setup.py"))
-        except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-            line = getattr(error, "lineno", None)
-            reason = str(error.args[0]) if error.args else "not valid Python"
-            if isinstance(error, RecursionError | MemoryError):
-                reason = "too deeply nested"
-            problem = Problem(f"cannot parse setup.py: {reason}", Location(path, line))
-            return Identity(notes=(problem,), descend=True)
-        if facts is not None:
-            facts = facts.over(setup_cfg()).over(pyproject() or PythonMetadata())
-            return _python(folder, facts, path)
-    if folder.has("pyproject.toml"):
-        facts, below = pyproject(), setup_cfg()
-        if facts or below.name is not None:
-            facts = (facts or PythonMetadata()).over(below)
-            return _python(folder, facts, folder.display_path / "pyproject.toml")
-    return None
-
-
-def _python(folder: Folder, facts: PythonMetadata, path: Path) -> Identity:
-    if folder.name and facts.name and folder.name != facts.name:
-        message = f"ignored: the assigned name '{folder.name}' differs from the Python name '{facts.name}'"
-        hint = "remove the name from colcon.pkg or the *.meta file"
-        return Identity(problems=(Problem(message, Location(path), hint),), name=folder.name)
-    notes = () if facts.name or folder.name else (_no_literal(folder, path),)
-    name = folder.name or facts.name or folder.absolute.resolve().name
-    package = plain_package(folder, name, "python", path, facts.dependencies)
-    manifest = replace(package.manifest, version=facts.version, maintainers=facts.maintainers)
-    return Identity(replace(package, manifest=manifest), notes=notes)
-
-
 def plain_package(
     folder: Folder, name: str, build_type: str, path: Path, dependencies: tuple[Dependency, ...] = ()
 ) -> Package:
@@ -130,7 +81,7 @@ def plain_package(
     return Package(folder.display_path, Manifest(name, "", "", build_type, own, path), ros=False)
 
 
-def _no_literal(folder: Folder, path: Path) -> Problem:
+def computed_name(folder: Folder, path: Path) -> Problem:
     name = folder.absolute.resolve().name
     return Problem(
         f"the project name is not a literal; using the name of the folder, '{name}'",

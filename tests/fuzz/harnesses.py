@@ -26,8 +26,8 @@ from forge.build.journal import Journal
 from forge.build.recipes.initial_cache import manifest_variables
 from forge.build.records import FolderRecord
 from forge.build.snapshot import find_changed_externals
-from forge.build.wheels.backends import _build_system
-from forge.build.wheels.install_wheel import _option
+from forge.build.wheels.backends import build_system
+from forge.build.wheels.install_wheel import setup_cfg_option
 from forge.cache import keys
 from forge.cache.model import decode_result, encode_result
 from forge.cache.trees import decode_index, encode_index
@@ -214,7 +214,7 @@ def setup_cfg(data: bytes) -> None:
     folder = place("setup_cfg", "setup.cfg", data)
     workspace(folder)
     with contextlib.suppress(ForgeError):
-        _option(folder / "setup.cfg", "install", "install_scripts")
+        setup_cfg_option(folder / "setup.cfg", "install", "install_scripts")
 
 
 @harness
@@ -222,7 +222,7 @@ def pyproject(data: bytes) -> None:
     folder = place("pyproject", "pyproject.toml", data)
     workspace(folder)
     with contextlib.suppress(ForgeError):
-        _build_system(folder)
+        build_system(folder)
 
 
 @harness

@@ -223,6 +223,21 @@ def test_packages_of_a_missing_build_type_plugin_are_skipped_with_a_hint(
     assert (ran.returncode, f"'ament_cargo' {lacks}" in ran.stderr) == (2, True)
 
 
+def test_python_packages_without_the_plugin_give_a_hint(
+    tree: Tree, forge_without: Callable[[str], Path]
+) -> None:
+    copy = forge_without("pyproject")
+    project = '[build-system]\nbuild-backend = "hatchling.build"\n[project]\nname = "b"\n'
+    files = {"a/package.xml": manifest_text("a", build_type="ament_python"), "a/pyproject.toml": project}
+    root = tree({f"ws/src/{name}": text for name, text in {**files, "b/pyproject.toml": project}.items()})
+    problem = "the build type 'python' needs the plugin 'pyproject', which is not installed\nhint: reinstall"
+    ran = run_forge(root / "ws", "list", path=copy)
+    assert (ran.returncode, ran.stdout) == (0, "a\tsrc/a\t(ros.ament_python)\n")
+    assert f"src/b/pyproject.toml: warning: {problem}" in ran.stderr
+    ran = run_forge(root / "ws", "build", path=copy)
+    assert (ran.returncode, f"error: {problem}" in ran.stderr) == (1, True)
+
+
 @pytest.mark.parametrize("url", ["http://127.0.0.1:1", "s3://bucket/folder"])
 def test_a_remote_cache_without_its_plugin_is_rejected_before_the_build(
     url: str, tree: Tree, forge_without: Callable[[str], Path]

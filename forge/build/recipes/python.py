@@ -31,11 +31,6 @@ def recipe(package: Package, context: BuildContext, *more: str) -> Recipe:
     return Recipe((Step(StepKind.INSTALL, argv, build, prefix=layout.prefix(package.name)),))
 
 
-def plain_recipe(package: Package, context: BuildContext) -> Recipe:
-    """Return the step for a plain Python package: its scripts go to bin, which is on the PATH."""
-    return recipe(package, context, "--scripts", "bin")
-
-
 def tests(package: Package, context: TestContext) -> Recipe:
     """Return the pytest or unittest run."""
     from forge.build.tests.detection import requirements_of_tests

@@ -1,1 +1,3 @@
-"""Building the wheel of a Python package and installing it into a prefix."""
+"""Installing a Python package into a prefix."""
+
+__all__ = ["backends", "install_wheel", "pitfalls"]

@@ -11,12 +11,9 @@ import os
 import re
 import subprocess
 import sys
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
-
-import pyproject_hooks
 
 from forge.base.errors import HostError, Location, Problem, WorkspaceError, raise_if_any
 from forge.base.files import (
@@ -65,29 +62,6 @@ if _next is not None and _next.loader is not None:
 """
 """Python imports this at startup; the original sitecustomize module is run as well."""
 
-_SETTINGS = """\
-[egg_info]
-egg_base = {build}
-[build]
-build_base = {build}/build
-build_lib = {build}/build/lib
-build_temp = {build}/build/temp
-build_scripts = {build}/build/scripts
-[build_py]
-build_lib = {build}/build/lib
-[build_ext]
-build_lib = {build}/build/lib
-build_temp = {build}/build/temp
-[build_clib]
-build_clib = {build}/build/temp
-build_temp = {build}/build/temp
-[build_scripts]
-build_dir = {build}/build/scripts
-[bdist_wheel]
-bdist_dir = {build}/build/wheel
-"""
-"""Keeps the intermediate files of a backend that wraps setuptools out of the sources."""
-
 
 @frozen
 class WheelInstall:
@@ -107,7 +81,7 @@ class WheelInstall:
 
 def uses_setuptools(source: Path) -> bool:
     """Return True if setuptools itself is the package's backend, as for each package that colcon builds."""
-    system = _build_system(source)
+    system = build_system(source)
     return "backend-path" not in system and system["build-backend"] in _BACKENDS_OF_SETUPTOOLS
 
 
@@ -119,7 +93,7 @@ def run_setup_install(options: WheelInstall, scripts: str | None) -> tuple[tuple
     commands run, with the real prefix.
     """
     source, build = options.source, options.build
-    backend = _Backend(build, options.python)
+    backend = Backend(build, options.python)
     log = build / INSTALL_LOG
     egg_base = os.path.relpath(os.path.realpath(build), os.path.realpath(source))
     words = ["egg_info", "--egg-base", egg_base, "build", "--build-base", str(build / "build")]
@@ -157,7 +131,7 @@ def run_setup_install(options: WheelInstall, scripts: str | None) -> tuple[tuple
             backend.run(argv, str(source))
     except subprocess.CalledProcessError as error:
         if DISK_FULL.search(backend.output):
-            raise _full_disk(options.prefix) from None
+            raise full_disk(options.prefix) from None
         outside = text_if_exists(backend.folder / setup_install.OUTSIDE) or ""
         raise _setup_fault(error.returncode, outside, options) from None
     finally:
@@ -187,7 +161,7 @@ def _setup_fault(code: int, outside: str, options: WheelInstall) -> HostError | 
     if code == setup_install.COMPILED:
         return compiled_modules(options.source, options.target)
     if code == setup_install.UNAVAILABLE:
-        return _unavailable("setuptools.build_meta", options.python)
+        return unavailable_backend("setuptools.build_meta", options.python)
     message = "the package's build backend 'setuptools.build_meta' failed; see its output above"
     return HostError(Problem(message))
 
@@ -199,54 +173,17 @@ def compiled_modules(source: Path, target: str) -> WorkspaceError:
     return WorkspaceError(Problem(message, Location(source), hint))
 
 
-def _full_disk(folder: Path) -> OSError:
+def full_disk(folder: Path) -> OSError:
     return OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(folder))
 
 
-def _unavailable(backend: str, python: str) -> HostError:
+def unavailable_backend(backend: str, python: str) -> HostError:
     hint = f"install it there: {install_command(Path(python), (backend.split('.', maxsplit=1)[0],))}"
     message = f"the build backend '{backend}' is not installed for the interpreter '{python}'"
     return HostError(Problem(message, hint=hint))
 
 
-def build_wheel(source: Path, build: Path, prefix: Path, python: str) -> tuple[Path, str]:
-    """Build the wheel without writing into the source folder; return its path and the backend's output."""
-    system = _build_system(source)
-    backend, *_ = system["build-backend"].split(":")
-    runner = _Backend(build, python)
-    if backend.startswith("setuptools.") or "backend-path" in system:
-        runner.lend_setuptools(wheels=True)
-    out = build / "wheel"
-    out.mkdir()
-    settings = build / "distutils.cfg"
-    settings.write_text(_SETTINGS.format(build=build), "utf-8")
-    os.environ["DIST_EXTRA_CONFIG"] = runner.environment["DIST_EXTRA_CONFIG"] = str(settings)
-    caller = pyproject_hooks.BuildBackendHookCaller(
-        str(source),
-        system["build-backend"],
-        backend_path=system.get("backend-path"),
-        runner=runner.run,
-        python_executable=python,
-    )
-    try:
-        with warnings.catch_warnings(record=True) as warned:
-            warnings.simplefilter("always")
-            wheel = caller.build_wheel(str(out))
-    except pyproject_hooks.BackendUnavailable:
-        raise _unavailable(backend, python) from None
-    except subprocess.CalledProcessError:
-        if DISK_FULL.search(runner.output):
-            raise _full_disk(build) from None
-        message = f"the package's build backend '{backend}' failed; see its output above"
-        raise HostError(Problem(message)) from None
-    for warning in warned:
-        # Warnings of pyproject_hooks about the backend.
-        print(f"{warning.category.__name__}: {warning.message}")
-    delete_tree(runner.folder)
-    return out / wheel, runner.output
-
-
-class _Backend:
+class Backend:
     """Runs the build backend of a package; `output` is its output so far."""
 
     def __init__(self, build: Path, python: str) -> None:
@@ -313,7 +250,7 @@ def _non_utf8_names(source: Path) -> Iterator[Problem]:
             )
 
 
-def _build_system(source: Path) -> dict[str, Any]:
+def build_system(source: Path) -> dict[str, Any]:
     """Return the build-system table of pyproject.toml, or the setuptools default."""
     path = source / "pyproject.toml"
     if not path.is_file():

@@ -1,52 +1,30 @@
 """Install a Python package into a prefix.
 
-setuptools installs a package itself, with the commands that colcon runs. Another backend (PEP 517) builds a
-wheel in the workspace's interpreter, which the `installer` library unpacks. Console scripts go to the folder
-in setup.cfg, commonly lib/<package>, where `ros2 run` finds them, or to bin; modules go to the site-packages
-folder, data files to the paths in the package.
+setuptools installs a package itself, with the commands that colcon runs. The plugin `pyproject` runs other
+backends. Console scripts go to the folder in setup.cfg, commonly lib/<package>, where `ros2 run` finds them,
+or to bin; modules go to the site-packages folder, data files to the paths in the package.
 """
 
 from __future__ import annotations
 
 import configparser
 import contextlib
-import csv
 import os
 import re
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING
 
-import installer
-from installer.destinations import SchemeDictionaryDestination
-from installer.exceptions import InstallerError
-from installer.records import InvalidRecordEntry, RecordEntry
-from installer.sources import WheelFile
-
-from forge.base.errors import Location, Problem, WorkspaceError
-from forge.base.files import listed_paths, naming, read_file, read_text, replace_file
+from forge.base.errors import Problem
+from forge.base.extensions import BUILD_TYPES, find
+from forge.base.files import listed_paths, read_file, read_text, replace_file
 from forge.build.copies import has_same_content
 from forge.build.inputs.fingerprints import source_files
-from forge.build.observed_writes import note_written
-from forge.build.wheels.backends import (
-    TARGET_PYTHON,
-    WheelInstall,
-    build_wheel,
-    compiled_modules,
-    run_setup_install,
-    uses_setuptools,
-)
-from forge.build.wheels.pitfalls import (
-    ENTRY_POINTS,
-    refuse_what_no_backend_reads,
-    wheel_warnings,
-    without_invalid_scripts,
-)
+from forge.build.wheels.backends import TARGET_PYTHON, WheelInstall, run_setup_install, uses_setuptools
+from forge.build.wheels.pitfalls import refuse_what_no_backend_reads, wheel_warnings
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
-
-    from installer.utils import Scheme
 
 MANIFEST = "install_manifest.txt"
 _LONGEST_FIRST_LINE = 127
@@ -61,11 +39,12 @@ def install_wheel(options: WheelInstall) -> tuple[Problem, ...]:
     """Build and install a package; return warnings. Raises ForgeError."""
     refuse_what_no_backend_reads(options.source, Path(options.site_packages))
     if uses_setuptools(options.source):
-        _remove_links(options.build / MANIFEST, options.prefix)
+        remove_links(options)
         installed, output = run_setup_install(options, _scripts_of_setup(options))
         _make_startable(installed, TARGET_PYTHON if options.target else options.python)
     else:
-        installed, output = _install_wheel(options)
+        backends = find(BUILD_TYPES, "python", "build type")
+        installed, output = backends.install(options)
     if options.link:
         link_to_sources(options, output, installed)
     replace_file(options.build / MANIFEST, "".join(f"{path}\n" for path in sorted(installed)).encode())
@@ -84,88 +63,21 @@ def _make_startable(scripts: Sequence[Path], python: str) -> None:
                 path.write_bytes(_STARTED_BY_SHELL % (python.encode(), rest))
 
 
-def _install_wheel(options: WheelInstall) -> tuple[tuple[Path, ...], str]:
-    """Build a wheel and unpack it; return the installed files and the backend's output."""
-    wheel, output = build_wheel(options.source, options.build, options.prefix, options.python)
-    if options.target and not wheel.stem.endswith("-none-any"):
-        raise compiled_modules(options.source, options.target)
-    site = options.prefix / options.site_packages
-    schemes = {
-        "purelib": str(site),
-        "platlib": str(site),
-        "scripts": str(options.prefix / _scripts_folder(options)),
-        "data": str(options.prefix),
-        "headers": str(options.prefix / "include" / options.package),
-    }
-    with _Wheel.open(wheel) as source:
-        _remove_links(options.build / MANIFEST, options.prefix)
-        destination = _Prefix(
-            schemes,
-            interpreter=TARGET_PYTHON if options.target else options.python,
-            script_kind="posix",
-            overwrite_existing=True,
-        )
-        try:
-            installer.install(source, destination, additional_metadata={"INSTALLER": b"forge\n"})
-        except (InstallerError, InvalidRecordEntry) as error:
-            message = f"the package's build backend produced an invalid wheel: {error}"
-            hint = "check whether a file name contains a line break"
-            raise WorkspaceError(Problem(message, Location(options.source), hint)) from None
-        record = site / source.dist_info_dir / "RECORD"
-    # CSV (PEP 376): a name may have line breaks.
-    with record.open(encoding="utf-8", newline="") as stream:
-        names = [line[0] for line in csv.reader(stream) if line]
-    return tuple(Path(os.path.normpath(site / name)) for name in names), output
-
-
-class _Wheel(WheelFile):
-    """A wheel without entry points that programs cannot start; the library only has an assertion for them."""
-
-    def read_dist_info(self, filename: str) -> str:
-        text = super().read_dist_info(filename)
-        return without_invalid_scripts(text) if filename == ENTRY_POINTS else text
-
-
-class _Prefix(SchemeDictionaryDestination):
-    """A destination that rejects paths outside its folders."""
-
-    def write_to_fs(self, scheme: Scheme, path: str, stream: BinaryIO, is_executable: bool) -> RecordEntry:
-        """Write a file of the wheel; raises WorkspaceError if it would leave its folder."""
-        if Path(path).is_absolute() or ".." in Path(path).parts:
-            message = f"the package would install '{path}', which is outside its prefix"
-            raise WorkspaceError(Problem(message, hint="check data_files and entry points in its setup"))
-        target = Path(self.scheme_dict[scheme]) / path
-        note_written(str(target))
-        with naming(target):
-            return super().write_to_fs(scheme, path, stream, is_executable)
-
-
 def _scripts_of_setup(options: WheelInstall) -> str | None:
     """Return the script folder that colcon passes to setuptools, None for the default of setuptools.
 
     The default is `bin`, as for `ros2` itself, unless setup.py names another.
     """
     cfg = options.source / "setup.cfg"
-    configured = _option(cfg, "develop", "script_dir") if options.link else ""
-    configured = configured or _option(cfg, "install", "install_scripts")
+    configured = setup_cfg_option(cfg, "develop", "script_dir") if options.link else ""
+    configured = configured or setup_cfg_option(cfg, "install", "install_scripts")
     if configured or (options.source / "setup.py").is_file():
         return configured or None
     return f"$base/{options.scripts or f'lib/{options.package}'}"
 
 
-def _scripts_folder(options: WheelInstall) -> str:
-    """Return the folder of the scripts of a wheel, relative to the prefix."""
-    path = options.source / "setup.cfg"
-    base, _, folder = _option(path, "install", "install_scripts").partition("/")
-    if base not in {"$base", "$platbase"}:
-        return options.scripts or f"lib/{options.package}"
-    if ".." in Path(folder).parts or "\0" in folder:
-        message = f"install_scripts is '{folder}', which is outside the prefix"
-        raise WorkspaceError(Problem(message, Location(path), "use a folder such as '$base/lib/PACKAGE'"))
-    return folder
-
-
-def _option(path: Path, command: str, name: str) -> str:
+def setup_cfg_option(path: Path, command: str, name: str) -> str:
+    """Return an option of a setup.cfg, '' if it has none or is malformed."""
     parser = configparser.RawConfigParser()
     with contextlib.suppress(configparser.Error, OSError):
         parser.read_string(read_text(path))
@@ -174,13 +86,13 @@ def _option(path: Path, command: str, name: str) -> str:
     return str(section.get(name) or section.get(name.replace("_", "-")) or "")
 
 
-def _remove_links(manifest: Path, prefix: Path) -> None:
+def remove_links(options: WheelInstall) -> None:
     """Remove the links of an earlier build, since writing through them would change the sources.
 
     The manifest of a copied build folder lists the files of the original workspace.
     """
-    for path in map(Path, listed_paths(manifest)):
-        if path.is_relative_to(prefix) and path.is_symlink():
+    for path in map(Path, listed_paths(options.build / MANIFEST)):
+        if path.is_relative_to(options.prefix) and path.is_symlink():
             path.unlink()
 
 

@@ -1,4 +1,4 @@
-"""Packages without a package.xml: metadata from CMake and Python files, and their precedence."""
+"""Packages without a package.xml: metadata from CMake and Python files, and what names a package first."""
 
 from pathlib import Path
 
@@ -112,11 +112,6 @@ def test_pyproject_is_a_package_only_with_a_project() -> None:
         ({"CMakeLists.txt": CMAKE.format("c")}, "c", "cmake"),
         ({"CMakeLists.txt": CMAKE.format("c"), "setup.py": SETUP.format("name='p'")}, "c", "cmake"),
         ({"CMakeLists.txt": CMAKE.format("c"), "pyproject.toml": "[project]\nname='p'"}, "c", "cmake"),
-        ({"setup.py": SETUP.format("name='p'")}, "p", "python"),
-        ({"setup.py": SETUP.format(""), "setup.cfg": "[metadata]\nname = q"}, "q", "python"),
-        ({"setup.py": SETUP.format(""), "pyproject.toml": "[project]\nname='r'"}, "r", "python"),
-        ({"pyproject.toml": "[project]\nname='p'"}, "p", "python"),
-        ({"pyproject.toml": "[build-system]\nrequires=[]", "setup.cfg": "[metadata]\nname=s"}, "s", "python"),
         ({"package.xml": manifest_text("m"), "CMakeLists.txt": CMAKE.format("c")}, "m", "ros.ament_cmake"),
         ({"CMakeLists.txt": CMAKE.format("c"), "colcon.pkg": "name: other"}, "other", "cmake"),
         ({"package.xml": manifest_text("m"), "colcon.pkg": "name: other"}, "other", "ros.ament_cmake"),
@@ -135,15 +130,6 @@ def test_pyproject_is_a_package_only_with_a_project() -> None:
             "c",
             "cmake",
         ),
-        (
-            {
-                "CMakeLists.txt": CMAKE.format("c"),
-                "setup.py": SETUP.format("name='p'"),
-                "colcon.pkg": "type: python",
-            },
-            "p",
-            "python",
-        ),
     ],
 )
 def test_the_first_source_with_both_type_and_name_wins(
@@ -158,9 +144,6 @@ def test_the_first_source_with_both_type_and_name_wins(
     [
         {"AMENT_IGNORE": "", "CMakeLists.txt": CMAKE.format("c")},
         {"manifest.xml": "", "CMakeLists.txt": CMAKE.format("c")},
-        {"setup.py": "print()"},
-        {"pyproject.toml": "[tool.x]"},
-        {"setup.py": "("},
         {"CMakeLists.txt": "project(Project)\ncatkin_workspace()\n"},
         {
             "CMakeLists.txt": CMAKE.format("c"),
@@ -170,8 +153,6 @@ def test_the_first_source_with_both_type_and_name_wins(
         {"colcon.pkg": "type: cmake"},
         {"colcon.pkg": "name: x"},
         {"colcon.pkg": "type: ros.cmake"},
-        {"setup.py": SETUP.format("name='p'"), "colcon.pkg": "name: other"},
-        {"pyproject.toml": "["},
         {"package.xml": "<package/>", "CMakeLists.txt": CMAKE.format("c")},
     ],
 )
@@ -197,15 +178,13 @@ def test_dependencies_are_read_from_all_cmake_files_of_the_package(tree: Tree) -
 def test_a_computed_project_name_is_replaced_by_the_folder_name(tree: Tree, forge: Forge) -> None:
     root = tree(
         {
-            "one/setup.py": SETUP.format("name=compute()"),
             "two/CMakeLists.txt": "project(${X})",
             "three/CMakeLists.txt": "# no project at all",
         }
     )
     ran = forge("list", cwd=root)
-    assert ran.out == "one\tone\t(python)\nthree\tthree\t(cmake)\ntwo\ttwo\t(cmake)\n"
-    assert "one/setup.py: warning: the project name is not a literal" in ran.err
-    assert "two/CMakeLists.txt: warning" in ran.err
+    assert ran.out == "three\tthree\t(cmake)\ntwo\ttwo\t(cmake)\n"
+    assert "two/CMakeLists.txt: warning: the project name is not a literal" in ran.err
     assert "three" not in ran.err
 
 
@@ -223,9 +202,3 @@ def test_meta_files_can_name_folders_and_conflicts_are_reported(tree: Tree) -> N
     assert [note.message for note in workspace.notes] == [
         "the name 'a' in colcon.pkg overrides 'b' in a *.meta file"
     ]
-
-
-def test_a_broken_pyproject_is_reported_with_its_path(tree: Tree) -> None:
-    workspace = walked(tree({"x/pyproject.toml": "["}))
-    (problem,) = workspace.problems
-    assert str(problem.location) == "x/pyproject.toml"
