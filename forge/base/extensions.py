@@ -91,6 +91,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "explain": "forge.plugins.explain.explain",
         "mixin": "forge.plugins.mixins.mixins",
         "packages-select-changed": "forge.plugins.git_changes.changes",
+        "retest-until-pass": "forge.plugins.flaky_tests.retests",
         "strict": "forge.plugins.lint.lint",
         "toolchain-cache": "forge.plugins.compiler_probe.probe",
         "watch": "forge.plugins.watch.watch",

@@ -10,7 +10,6 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
-from typing import TYPE_CHECKING
 
 from forge.base.errors import EXIT_INTERRUPTED, Problem
 from forge.base.graph import reduced
@@ -31,9 +30,6 @@ from forge.build.tasks import BuildPlan, Step
 from forge.output.console import ConsoleReporter
 from forge.testing.outcomes import Failure
 from forge.workspace.model import Package
-
-if TYPE_CHECKING:
-    from forge.testing.attempts import FlakyTest
 
 
 class JsonEvents:
@@ -115,11 +111,6 @@ class JsonEvents:
             file, line = failure.location or (None, None)
             values = {"test": failure.test, "message": list(failure.lines), "repeat": failure.repeat}
             self.emit("TestFailure", failure.package, file=file, line=line, **values)
-
-    def report_flaky_tests(self, tests: Iterable[FlakyTest]) -> None:
-        for test in tests:
-            values = {"test": test.test, "passed_at": test.passed_at, "message": list(test.lines)}
-            self.emit("FlakyTest", test.package, **values)
 
     def conclude(self, report: ConsoleReporter, seconds: float, code: int | None = None) -> None:
         """Write the results, ending with a Summary; `code` overrides the exit code of the report."""

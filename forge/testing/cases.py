@@ -17,7 +17,7 @@ from forge.base.text import listed
 from forge.build.tasks import StepKind
 from forge.build.tests.recipes import ChosenTests, TestContext, known_cases_file
 from forge.testing.collecting import collect, test_ids
-from forge.testing.outcomes import Case
+from forge.testing.outcomes import Case, label
 from forge.workspace.model import CMAKE_TYPES, PYTHON_TYPES, Package
 
 SEPARATOR = "::"
@@ -27,11 +27,6 @@ _FILE = re.compile(rf"\.py(?={SEPARATOR}|$)")
 _NOT_LOADED = "_FailedTest"
 """The class of unittest's errors for modules and tests that it cannot load."""
 _SECONDS = 60
-
-
-def label(case: Case, package: str) -> str:
-    """Return the name of a test in the summary: its suite and name, without that of the package."""
-    return f"{case.suite}.{case.name}".removeprefix(f"{package}.").removeprefix(".")
 
 
 def variables_for(path: str, case: Case, package: str) -> Pairs:

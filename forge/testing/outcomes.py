@@ -326,6 +326,11 @@ def details(case: Case) -> list[str]:
     return [f"{'-' if number == 0 else ' '} {line}" for number, line in enumerate(lines)]
 
 
+def label(case: Case, package: str) -> str:
+    """Return the name of a test in the summary: its suite and name, without that of the package."""
+    return f"{case.suite}.{case.name}".removeprefix(f"{package}.").removeprefix(".")
+
+
 def first_lines(cases: Sequence[Case]) -> tuple[str, ...]:
     """Return the first lines of the cases, labeled if there are several."""
     lines: list[str] = []

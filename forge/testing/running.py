@@ -31,8 +31,7 @@ from forge.build.tests.recipes import TestContext, error_result, parallel_folder
 from forge.environment.sourcing import build_environment
 from forge.execution.runner import TaskLifecycle
 from forge.execution.started import BUILD_FOLDER_VARIABLE
-from forge.testing.attempts import Attempt, complete_results, read_attempt
-from forge.testing.cases import label, selector, variables_for
+from forge.testing.cases import selector, variables_for
 from forge.testing.collecting import collect, last_run
 from forge.testing.domains import discovery, isolated
 from forge.testing.outcomes import (
@@ -43,6 +42,7 @@ from forge.testing.outcomes import (
     counted_once,
     find_junit,
     first_lines,
+    label,
     last_lines,
     location_of,
 )
@@ -62,10 +62,10 @@ class TestSetup(TaskLifecycle):
     failed: set[str] = field(default_factory=set)
     """Packages with failed tests, perhaps not in the last repetition."""
     results: dict[str, tuple[Outcome, ...]] = field(default_factory=dict)
-    attempts: dict[str, list[Attempt]] = field(default_factory=dict)
-    """The attempts at the tests of each package, if they are repeated until they pass."""
     cached: Any = None
     """The plugin behind '--cached', None without the option."""
+    retests: Any = None
+    """The plugin behind '--retest-until-pass', None without the option."""
 
     def results_of(self, task: Task, fault: str = "") -> tuple[Outcome, ...]:
         """Return the results of a package's tests in this run.
@@ -99,14 +99,14 @@ class TestSetup(TaskLifecycle):
     ) -> Iterator[tuple[Mapping[str, str], bool]]:
         """Yield the environment of a step, and whether it is observed.
 
-        Afterwards, record its results if the tests may be repeated.
+        Afterwards, keep its results if the tests may be repeated.
         """
         with isolated(step, variables, is_stopped) as environment:
             if self.cached:
                 environment = self.cached.variables(task, environment)
             yield environment, self.cached is not None
-        if self.context.options.retest_until_pass:
-            self.attempts.setdefault(task.name, []).append(read_attempt(task.name, self._found(task)))
+        if self.retests:
+            self.retests.add(task.name, self._found(task))
 
     def _own(self, task: Task) -> Path:
         return self.context.results_of(task.name) / f"{task.steps[-1].kind.value}.xml"
@@ -190,8 +190,8 @@ class TestSetup(TaskLifecycle):
 
     def install(self, task: Task) -> BuildRecord:
         self.undo(task)
-        if attempts := self.attempts.get(task.name):
-            complete_results(attempts)
+        if self.retests:
+            self.retests.complete(task.name)
         if self.context.options.test_result_base is not None:
             result, target = _result_of_ctest(task), self.context.results_of(task.name) / "Testing"
             is_there = result.name == "Test.xml" and result.is_file()

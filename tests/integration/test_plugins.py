@@ -119,6 +119,7 @@ def test_forge_builds_without_the_plugin(
         ("build --explain", "option 'explain'", "explain", ""),
         ("build --timings", "reporter 'timings'", "charts", ""),
         ("test --coverage", "reporter 'coverage'", "coverage", ""),
+        ("test --retest-until-pass 1", "option 'retest-until-pass'", "flaky_tests", ""),
     ],
 )
 def test_using_a_missing_plugin_names_the_install_command(

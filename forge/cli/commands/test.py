@@ -35,8 +35,8 @@ from forge.execution.options import JobOptions
 from forge.execution.runner import LocalExecutor, TaskRunner
 from forge.execution.started import StartedProcesses
 from forge.output.handlers import ReportOptions
+from forge.output.reporters import Report
 from forge.testing import preparing, running
-from forge.testing.attempts import FlakyTest, flaky_table, flaky_tests, write_attempts
 from forge.testing.cases import NamedTests, choose, last_failed, parse_names
 from forge.testing.collecting import result_folder_problems
 from forge.testing.outcomes import table
@@ -83,6 +83,9 @@ def run(given: Options) -> int:
         query = replace(query, select=(*(query.select or ()), *named.packages))
     options, reports = given.tests, given.report
     reporters = reports.reporters(*(name for name in ("coverage", "timings") if getattr(options, name)))
+    retests = None
+    if options.retest_until_pass:
+        retests = find(OPTIONS, "retest-until-pass", "option", ("Retests",)).Retests()
     layout, warn = folders.layout(root), WarningReporter()
     if options.timings:
         folders.require_logs()
@@ -114,7 +117,7 @@ def run(given: Options) -> int:
     built = [name for name in built if name not in lacking]
     context = replace(context, chosen=_chosen_tests(built, named, loaded, context, variables, given))
     cached = _open_cached_tests(options, context, needs, variables, warn)
-    setup = running.TestSetup(context, needs, variables, cached=cached)
+    setup = running.TestSetup(context, needs, variables, cached=cached, retests=retests)
 
     def session_of(plan: BuildPlan) -> AbstractContextManager[Session]:
         return open_session(
@@ -273,16 +276,13 @@ def _report_results(
     report.test_counts = running.total_counts((plan.tasks[name] for name in ended), setup)
     counts, aborted = report.test_counts, report.tally.aborted
     report.no_test_ran = counts is not None and counts.tests == counts.skipped and not aborted
-    flaky: list[FlakyTest] = []
-    for name, attempts in sorted(setup.attempts.items()):
-        flaky += flaky_tests(name, attempts) if name in ended else ()
-        if session.log.folder is not None:
-            write_attempts(session.log.folder / name, attempts)
-    report.flaky_tests = len(flaky)
+    flaky = setup.retests.conclude(ended, session.log.folder) if setup.retests else Report()
+    report.flaky_tests = len(flaky.events)
     report.summarise(seconds)
-    if flaky and not json:
-        report.quote("\n".join(("", *flaky_table(flaky), "")))
-    session.json_events.report_flaky_tests(flaky)
+    if flaky.lines and not json:
+        report.quote("\n".join(("", *flaky.lines, "")))
+    for event, package, members in flaky.events:
+        session.json_events.emit(event, package, **members)
     failures = [
         failure
         for name in sorted(report.failed_tests)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import io
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -16,8 +16,8 @@ from xml.etree import ElementTree as ET
 from forge.base.files import replace_file
 from forge.base.frozen import frozen
 from forge.base.text import counted
-from forge.testing.cases import label
-from forge.testing.outcomes import Case, Outcome, counted_once, first_lines
+from forge.output.reporters import Report
+from forge.testing.outcomes import Case, Outcome, counted_once, first_lines, label
 
 _SHOWN = 20
 
@@ -40,16 +40,45 @@ class FlakyTest:
     lines: tuple[str, ...]
 
 
-def read_attempt(package: str, outcomes: Iterable[Outcome]) -> Attempt:
-    failed, files = {}, {}
-    for outcome in counted_once([replace(each, home="") for each in outcomes]):
-        if outcome.counts.bad or outcome.by_name:
-            with contextlib.suppress(OSError):
-                files[outcome.path] = Path(outcome.path).read_bytes()
-        for case in () if outcome.is_unreadable else outcome.cases:
-            name = case.name if outcome.by_name else label(case, package)
-            failed[name] = case, outcome.path
-    return Attempt(failed, files)
+class Retests:
+    """The attempts at the tests of each package in one run of `forge test`."""
+
+    def __init__(self) -> None:
+        self._attempts: dict[str, list[Attempt]] = {}
+
+    def add(self, package: str, outcomes: Iterable[Outcome]) -> None:
+        """Keep the results of an attempt."""
+        failed, files = {}, {}
+        for outcome in counted_once([replace(each, home="") for each in outcomes]):
+            if outcome.counts.bad or outcome.by_name:
+                with contextlib.suppress(OSError):
+                    files[outcome.path] = Path(outcome.path).read_bytes()
+            for case in () if outcome.is_unreadable else outcome.cases:
+                name = case.name if outcome.by_name else label(case, package)
+                failed[name] = case, outcome.path
+        self._attempts.setdefault(package, []).append(Attempt(failed, files))
+
+    def complete(self, package: str) -> None:
+        """Add the results of earlier attempts to the files of the last one: other tests, and failures."""
+        if package in self._attempts:
+            complete_results(self._attempts[package])
+
+    def conclude(self, packages: Container[str], log: Path | None) -> Report:
+        """Return a table and events with the flaky tests of `packages`; write all attempts below `log`."""
+        flaky: list[FlakyTest] = []
+        for name, attempts in sorted(self._attempts.items()):
+            flaky += flaky_tests(name, attempts) if name in packages else ()
+            if log is not None:
+                write_attempts(log / name, attempts)
+        events = (
+            (
+                "FlakyTest",
+                each.package,
+                {"test": each.test, "passed_at": each.passed_at, "message": [*each.lines]},
+            )
+            for each in flaky
+        )
+        return Report((*flaky_table(flaky),), (*events,))
 
 
 def flaky_tests(package: str, attempts: Sequence[Attempt]) -> Iterator[FlakyTest]:
