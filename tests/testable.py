@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from forge.cli.main import main
-from tests.conftest import surroundings
+from tests.conftest import Ran, surroundings
 from tests.packages import manifest_text, write_files
 
 CMAKE = """cmake_minimum_required(VERSION 3.18)
@@ -96,3 +96,46 @@ def restored(root: Path, state: str = "built") -> Path:
     """Return a workspace, in its place, as it was when it was saved."""
     shutil.rmtree(root)
     return Path(shutil.copytree(root.with_name(f"{root.name}-{state}"), root, symlinks=True))
+
+
+GTEST = r"""#!/bin/sh
+# Like a program of Google Test: it runs what GTEST_FILTER names, and writes a result file.
+out="$1"
+cases=""
+failed=0
+set -f
+for case in Math.adds Math.subtracts Other.fails All/Param.below/0 Typed/1.size; do
+  for filter in $(echo "${GTEST_FILTER:-*}" | tr : ' '); do
+    case $case in $filter) break ;; *) false ;; esac
+  done || continue
+  echo "ran $case"
+  failure=""
+  case $case in Math.adds | Other.fails)
+    if [ ! -f "$2" ]; then failure='<failure message="no luck"/>'; failed=1; fi ;;
+  esac
+  cases="$cases<testcase classname=\"p.${case%.*}\" name=\"${case#*.}\">$failure</testcase>"
+done
+mkdir -p "$(dirname "$out")"
+echo "<testsuites><testsuite name=\"p\">$cases</testsuite></testsuites>" > "$out"
+exit $failed
+"""
+TESTS = (
+    "set(run sh ${CMAKE_SOURCE_DIR}/gtest.sh)",
+    "set(result ${CMAKE_BINARY_DIR}/test_results/p/math.gtest.xml)",
+    "add_test(NAME math COMMAND ${run} ${result} ${CMAKE_SOURCE_DIR}/fixed)",
+    'add_test(NAME plain COMMAND sh -c "echo plain && exit 1")',
+    'add_test(NAME good COMMAND sh -c "true")',
+)
+CASES = {
+    **cmake_package("p", *TESTS),
+    "src/p/gtest.sh": GTEST,
+    **python_package("y", PYTEST.format(name="y"), pytest=True),
+    **python_package("u", UNITTEST.format(name="u"), pytest=False),
+}
+"""Packages with tests that fail and pass, of each kind of test runner."""
+
+
+def failed_tests(ran: Ran) -> list[str]:
+    """Return the failed tests that a summary lists."""
+    table = ran.out.partition(" failed test")[2]
+    return [line.strip() for line in table.splitlines() if line.startswith("  ") and line[2] != " "]

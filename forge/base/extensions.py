@@ -92,6 +92,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "mixin": "forge.plugins.mixins.mixins",
         "packages-select-changed": "forge.plugins.git_changes.changes",
         "retest-until-pass": "forge.plugins.flaky_tests.retests",
+        "single-tests": "forge.plugins.single_tests.selection",
         "strict": "forge.plugins.lint.lint",
         "toolchain-cache": "forge.plugins.compiler_probe.probe",
         "watch": "forge.plugins.watch.watch",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import re
 from collections.abc import Iterable, Iterator
@@ -16,7 +15,6 @@ from forge.base.xml import as_utf8, mentions, parse_xml
 from forge.build.folder_marks import is_own_result_dir, sources_in
 from forge.testing.outcomes import (
     BrokenResultError,
-    Case,
     NotAResultError,
     Outcome,
     read_ctest,
@@ -146,18 +144,6 @@ def _read(found: _Candidate) -> Outcome:
         ):
             raise
         raise WorkspaceError(Problem(f"not a test result: {error}", Location(path))) from None
-
-
-def test_ids(folder: Path) -> Iterator[tuple[str, Case, str]]:
-    """Yield the tests of the JUnit files in a folder, with the CTest test and the path of each file."""
-    for path in sorted(folder.glob("*.xml")):
-        with contextlib.suppress(OSError, WorkspaceError, BrokenResultError, NotAResultError):
-            root = parse_xml(as_utf8(read_file(path), path), path)
-            outcome = read_junit(root, str(path), str(folder))
-            for suite in (root, *root.all("testsuite")):
-                for case in suite.all("testcase"):
-                    name, class_name = (case.attributes.get(key, "") for key in ("name", "classname"))
-                    yield outcome.test, Case(name, class_name), str(path)
 
 
 _CTEST_RUN = re.compile(r"\d{8}-\d{4}")

@@ -119,6 +119,8 @@ def test_forge_builds_without_the_plugin(
         ("build --explain", "option 'explain'", "explain", ""),
         ("build --timings", "reporter 'timings'", "charts", ""),
         ("test --coverage", "reporter 'coverage'", "coverage", ""),
+        ("test --last-failed", "selection of 'single-tests'", "single_tests", ""),
+        ("test a::b", "selection of 'single-tests'", "single_tests", ""),
         ("test --retest-until-pass 1", "option 'retest-until-pass'", "flaky_tests", ""),
     ],
 )

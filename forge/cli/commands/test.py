@@ -22,9 +22,9 @@ from forge.build.events import Aborted, Event, Finished, StepFinished
 from forge.build.folder_marks import create_output_folders, mark_layout
 from forge.build.inputs.fingerprints import FileTable
 from forge.build.journal import open_journal
-from forge.build.tasks import TEST_FAILURES, BuildPlan, StepKind, Task
+from forge.build.tasks import TEST_FAILURES, BuildPlan, Task
 from forge.build.tests.options import TestOptions
-from forge.build.tests.recipes import ChosenTests, TestContext
+from forge.build.tests.recipes import TestContext
 from forge.cli.options import FolderOptions, OptionSources
 from forge.cli.preparation import build_variables, output_problems, require_packages
 from forge.cli.session import Session, open_session
@@ -37,17 +37,11 @@ from forge.execution.started import StartedProcesses
 from forge.output.handlers import ReportOptions
 from forge.output.reporters import Report
 from forge.testing import preparing, running
-from forge.testing.cases import NamedTests, choose, last_failed, parse_names
 from forge.testing.collecting import result_folder_problems
 from forge.testing.outcomes import table
 from forge.testing.preparing import RestoredSetup, has_no_tests, not_runnable, plan_restored
-from forge.workspace.load import LoadedWorkspace, load_workspace
+from forge.workspace.load import load_workspace
 from forge.workspace.selection import Query
-
-_USAGE_ERROR = 4
-"""pytest's exit code if it finds no test of a name on its command line; then it runs none."""
-_NOT_LOADED = "unittest.loader._FailedTest"
-"""The class of the test that unittest runs in place of one that it cannot load."""
 
 
 @frozen
@@ -73,14 +67,18 @@ def run(given: Options) -> int:
     """Run tests; returns 1 if a package could not be tested, or, if requested, if a test failed."""
     began = time.monotonic()
     root, folders, jobs = Path.cwd(), given.folders, given.jobs
-    named = parse_names(given.names)
+    named, single_tests = given.names, None
+    if given.last_failed or any("::" in name for name in named):
+        plugin = find(OPTIONS, "single-tests", "selection of", ("SingleTests",))
+        single_tests = plugin.SingleTests(named, last_failed=given.last_failed)
+        named = single_tests.packages
     query = replace(
         given.query,
         select_test_failures=given.query.select_test_failures or given.last_failed,
         select_stopped_tests=given.last_failed,
     )
-    if named.packages:
-        query = replace(query, select=(*(query.select or ()), *named.packages))
+    if named:
+        query = replace(query, select=(*(query.select or ()), *named))
     options, reports = given.tests, given.report
     reporters = reports.reporters(*(name for name in ("coverage", "timings") if getattr(options, name)))
     retests = None
@@ -115,7 +113,9 @@ def run(given: Options) -> int:
     context, lacking = preparing.prepare_context(options, loaded, layout, variables, built)
     absent |= lacking
     built = [name for name in built if name not in lacking]
-    context = replace(context, chosen=_chosen_tests(built, named, loaded, context, variables, given))
+    if single_tests:
+        packages = [loaded.packages[name] for name in built]
+        context = replace(context, chosen=single_tests.choose(packages, context, variables))
     cached = _open_cached_tests(options, context, needs, variables, warn)
     setup = running.TestSetup(context, needs, variables, cached=cached, retests=retests)
 
@@ -183,27 +183,8 @@ def run(given: Options) -> int:
             finally:
                 if cached:
                     cached.close()
-                code = _report_results(plan, setup, session, json=reports.json, failed=failed)
+                code = _report_results(plan, setup, session, single_tests, json=reports.json, failed=failed)
     return code
-
-
-def _chosen_tests(
-    names: Sequence[str],
-    named: NamedTests,
-    loaded: LoadedWorkspace,
-    context: TestContext,
-    variables: Mapping[str, str],
-    given: Options,
-) -> dict[str, ChosenTests]:
-    """Return the tests to run of each package that is not tested as a whole."""
-    chosen = {}
-    for name in names:
-        package = loaded.packages[name]
-        if name in named.cases:
-            chosen[name] = choose(package, named.cases[name], context, variables)
-        elif given.last_failed and (failed := last_failed(package, context, variables)):
-            chosen[name] = failed
-    return chosen
 
 
 def _open_cached_tests(
@@ -267,7 +248,13 @@ def _record(event: Event, task: Task, setup: running.TestSetup, session: Session
 
 
 def _report_results(
-    plan: BuildPlan, setup: running.TestSetup, session: Session, *, json: bool, failed: bool
+    plan: BuildPlan,
+    setup: running.TestSetup,
+    session: Session,
+    single_tests: Any,
+    *,
+    json: bool,
+    failed: bool,
 ) -> int:
     """Print the summary and a table of the failed tests; return the exit code."""
     session.collect_reports()
@@ -296,9 +283,11 @@ def _report_results(
     options = setup.context.options
     has_failed = options.return_code_on_test_failure and bool(report.failed_tests or report.not_tested)
     code = report.exit_code or int(failed or has_failed or (options.fail_if_no_tests and report.no_test_ran))
-    without = [
-        name for name in setup.context.chosen if name in ended and _found_none(name, plan, setup, session)
-    ]
+    without = []
+    for task in (plan.tasks[name] for name in setup.context.chosen if name in ended):
+        failure, not_run = report.failures.get(task.name), setup.context.not_run(task.name)
+        if single_tests.found_none(task, failure.code if failure else 0, setup.results_of(task), not_run):
+            without.append(task.name)
     for name in without:
         hint = f"all tests of the package: {setup.context.layout.command(f'test {name}')}"
         print_problem(Problem(f"no test of '{name}' has such a name", hint=hint))
@@ -306,17 +295,3 @@ def _report_results(
         code = 2
     session.conclude(seconds, code)
     return code
-
-
-def _found_none(name: str, plan: BuildPlan, setup: running.TestSetup, session: Session) -> bool:
-    """Return whether a package has no test of the chosen names, according to its runner and its results."""
-    task, failure = plan.tasks[name], session.report.failures.get(name)
-    outcomes = setup.results_of(task)
-    if failure and failure.code == _USAGE_ERROR and task.steps[-1].kind is StepKind.PYTEST:
-        # After other errors, such as a failed import of conftest.py, pytest writes no results.
-        own = setup.context.not_run(name)
-        return not any(one.counts.tests for one in outcomes if one.path != str(own))
-    counts = running.total_counts([task], setup)
-    cases = [case for one in outcomes for case in one.cases if case.suite == _NOT_LOADED]
-    missing = any(f"has no attribute '{case.name}'" in case.text for case in cases)
-    return missing or not (counts and counts.tests)
