@@ -94,6 +94,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "retest-until-pass": "forge.plugins.flaky_tests.retests",
         "single-tests": "forge.plugins.single_tests.selection",
         "strict": "forge.plugins.lint.lint",
+        "test-domains": "forge.plugins.test_domains.domains",
         "toolchain-cache": "forge.plugins.compiler_probe.probe",
         "watch": "forge.plugins.watch.watch",
     },

@@ -40,7 +40,6 @@ from forge.build.tests.recipes import TestContext, framework
 from forge.environment.install_state import recorded_python
 from forge.environment.prefixes import PACKAGES, find_underlays, provider
 from forge.execution.runner import TaskLifecycle
-from forge.testing.domains import is_isolated
 from forge.toolchain.cmake_variables import was_built_without_tests
 from forge.toolchain.interpreter import find_interpreter
 from forge.toolchain.languages import compiled_packages
@@ -199,7 +198,6 @@ def prepare_context(
         ctest=find_ctest(os.environ) if cmake and not without_ctest else None,
         modules=frozenset(_TEST_MODULES) - frozenset(missing),
         options=options,
-        isolated=is_isolated(variables),
     )
     for toolchain, of_type in by_toolchain(packages):
         lacking |= _lacking(of_type, partial(toolchain, of_type, context, variables))

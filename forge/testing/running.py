@@ -6,7 +6,7 @@ import os
 import re
 import shutil
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,6 @@ from forge.execution.runner import TaskLifecycle
 from forge.execution.started import BUILD_FOLDER_VARIABLE
 from forge.testing.cases import selector, variables_for
 from forge.testing.collecting import collect, last_run
-from forge.testing.domains import discovery, isolated
 from forge.testing.outcomes import (
     Case,
     Counts,
@@ -62,6 +61,8 @@ class TestSetup(TaskLifecycle):
     failed: set[str] = field(default_factory=set)
     """Packages with failed tests, perhaps not in the last repetition."""
     results: dict[str, tuple[Outcome, ...]] = field(default_factory=dict)
+    domains: Any = None
+    """The plugin that gives tests their own ROS domains, None without it."""
     cached: Any = None
     """The plugin behind '--cached', None without the option."""
     retests: Any = None
@@ -101,6 +102,7 @@ class TestSetup(TaskLifecycle):
 
         Afterwards, keep its results if the tests may be repeated.
         """
+        isolated = self.domains.isolated if self.domains else lambda _, variables, __: nullcontext(variables)
         with isolated(step, variables, is_stopped) as environment:
             if self.cached:
                 environment = self.cached.variables(task, environment)
@@ -185,7 +187,8 @@ class TestSetup(TaskLifecycle):
         below = [(need, layout.prefix(need)) for need in self.needs[task.name]]
         environment = build_environment(below, self.variables)
         # Do not create __pycache__ in the source folder.
-        own = {"PYTHONDONTWRITEBYTECODE": "1", **discovery(environment)}
+        discovery = self.domains.discovery(environment) if self.domains else {}
+        own = {"PYTHONDONTWRITEBYTECODE": "1", **discovery}
         return {**own, **environment, BUILD_FOLDER_VARIABLE: str(layout.build)}
 
     def install(self, task: Task) -> BuildRecord:

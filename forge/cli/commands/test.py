@@ -13,7 +13,7 @@ from typing import Any
 
 from forge.base.env_vars import SEQUENTIAL, own_cache
 from forge.base.errors import Problem, WarningReporter, WorkspaceError, print_problem, raise_if_any
-from forge.base.extensions import OPTIONS, find
+from forge.base.extensions import OPTIONS, find, is_installed
 from forge.base.frozen import frozen
 from forge.base.layout import OWN_CACHE_DIR, TEST_FILE_TABLE
 from forge.base.options import flag, option, options_of
@@ -113,11 +113,15 @@ def run(given: Options) -> int:
     context, lacking = preparing.prepare_context(options, loaded, layout, variables, built)
     absent |= lacking
     built = [name for name in built if name not in lacking]
+    domains = None
+    if is_installed(OPTIONS, "test-domains"):
+        domains = find(OPTIONS, "test-domains", "option")
+        context = replace(context, isolated=domains.is_isolated(variables))
     if single_tests:
         packages = [loaded.packages[name] for name in built]
         context = replace(context, chosen=single_tests.choose(packages, context, variables))
     cached = _open_cached_tests(options, context, needs, variables, warn)
-    setup = running.TestSetup(context, needs, variables, cached=cached, retests=retests)
+    setup = running.TestSetup(context, needs, variables, domains=domains, cached=cached, retests=retests)
 
     def session_of(plan: BuildPlan) -> AbstractContextManager[Session]:
         return open_session(

@@ -253,3 +253,13 @@ def test_an_outer_jobserver_is_joined_and_left_unchanged(style: str, tmp_path: P
 @pytest.mark.parametrize("auth", ["900,901", "fifo:/no/such/fifo", f"fifo:{os.devnull}", "0", "a,b", "-2,-2"])
 def test_an_invalid_jobserver_is_not_joined(auth: str) -> None:
     assert join_pool(auth) is None
+
+
+def test_a_package_gets_at_most_its_share_of_the_jobs() -> None:
+    several = Step(StepKind.CTEST, ("ctest",), Path(), tests_at_once=3)
+    pool = JobPool(8)
+    with pool.package(), pool.tools(several, {}) as (first, _):
+        assert first["CTEST_PARALLEL_LEVEL"] == "3"
+        with pool.package(), pool.tools(several, {"CTEST_PARALLEL_LEVEL": "7"}) as (second, _):
+            assert second["CTEST_PARALLEL_LEVEL"] == "7"
+    pool.close()

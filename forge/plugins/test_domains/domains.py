@@ -1,4 +1,4 @@
-"""ROS domains of tests: concurrent tests receive no messages from each other or the user's nodes."""
+"""Reserve ROS domains for test steps, and limit the discovery of ROS nodes to this host."""
 
 from __future__ import annotations
 

@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from forge.build.tasks import Step, StepKind
-from forge.execution.job_pool import JobPool
-from forge.testing.domains import discovery, isolated
+from forge.plugins.test_domains.domains import discovery, isolated
 from tests.conftest import Forge, Tree
 from tests.testable import PYTEST, UNITTEST, cmake_package, python_package
 
@@ -158,13 +157,3 @@ def test_discovery_is_limited_to_this_host_unless_a_variable_is_set(
     variables: dict[str, str], expected: dict[str, str]
 ) -> None:
     assert discovery(variables) == expected
-
-
-def test_a_package_gets_at_most_its_share_of_the_jobs() -> None:
-    several = Step(StepKind.CTEST, ("ctest",), Path(), tests_at_once=3)
-    pool = JobPool(8)
-    with pool.package(), pool.tools(several, {}) as (first, _):
-        assert first["CTEST_PARALLEL_LEVEL"] == "3"
-        with pool.package(), pool.tools(several, {"CTEST_PARALLEL_LEVEL": "7"}) as (second, _):
-            assert second["CTEST_PARALLEL_LEVEL"] == "7"
-    pool.close()
