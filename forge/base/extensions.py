@@ -90,6 +90,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "compiler-launcher": "forge.plugins.compiler_launchers.statistics",
         "explain": "forge.plugins.explain.explain",
         "mixin": "forge.plugins.mixins.mixins",
+        "package-memory": "forge.plugins.package_memory.measuring",
         "packages-select-changed": "forge.plugins.git_changes.changes",
         "retest-until-pass": "forge.plugins.flaky_tests.retests",
         "single-tests": "forge.plugins.single_tests.selection",

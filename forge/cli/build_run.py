@@ -124,7 +124,12 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             audit and audit.collect,
             observes=library is not None and not remote and not audit,
         )
-        packages_memory = PackageMemory(context.layout.build / MEMORY_FILE, options.jobs.memory_limit)
+        packages_memory: PackageMemory | None = None
+        if is_installed(OPTIONS, "package-memory") and not remote:
+            plugin = find(OPTIONS, "package-memory", "option", ("MeasuredMemory",))
+            packages_memory = plugin.MeasuredMemory(
+                context.layout.build / MEMORY_FILE, options.jobs.memory_limit
+            )
         executor: Executor = remote or LocalExecutor(
             job_pool,
             StartedProcesses(context.layout.build),
@@ -142,7 +147,7 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             build.interpreter.path,
             job_pool.jobs,
             mode.warn,
-            None if remote else packages_memory,
+            packages_memory,
         )
         session.json_events.announce(seconds=state.seconds())
         alone = options.execution.executor == SEQUENTIAL
@@ -152,17 +157,19 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             state.seconds(),
             continue_on_error=options.continue_on_error,
             in_order=alone,
-            **({} if remote else {"fits": packages_memory.fits}),
+            **({"fits": packages_memory.fits} if packages_memory else {}),
         )
 
         def record(event: Event) -> None:
             state.record_event(event, plan)
-            packages_memory.note(event)
+            if packages_memory:
+                packages_memory.note(event)
 
         try:
             session.run(plan, runner, scheduler, state.resolve, record)
         finally:
-            packages_memory.close()
+            if packages_memory:
+                packages_memory.close()
             state.finish(plan, build.variables)
             if options.report.handlers["compile_commands"] and is_installed(OPTIONS, "compile_commands"):
                 find(OPTIONS, "compile_commands", "option").merge_compile_commands(context.layout.build)

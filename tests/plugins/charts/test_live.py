@@ -9,6 +9,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -17,7 +18,6 @@ import pytest
 from forge.base.errors import WarningReporter
 from forge.build.events import Finished, Skipped, Started, StepStarted
 from forge.build.tasks import BuildPlan, Step, StepKind, Task
-from forge.execution.memory import PackageMemory
 from forge.output.reporters import Run
 from forge.plugins.charts.live import LiveBuild, LiveServer
 from tests.browser import Browser
@@ -25,11 +25,14 @@ from tests.packages import manifest_text, package
 
 NEEDS = {"base": (), "map": ("base",), "planner": ("base", "map"), "lone": ()}
 STEP = Step(StepKind.BUILD, (), Path())
+MEMORY: Any = SimpleNamespace(
+    now=lambda _: 0, peak=lambda name: (name == "lone") << 60, fits=lambda name, _: name != "lone"
+)
+"""The memory of packages, of which one has needed more than there is."""
 
 
 def live_build(tmp_path: Path) -> LiveBuild:
     """Return a build of four packages, one of which needs more memory than there is."""
-    (tmp_path / "memory.json").write_text(json.dumps({"peaks": {"lone": 1 << 60}}))
     tasks = {
         name: Task(name, package(name), tmp_path, tmp_path, needs, (STEP,), "new")
         for name, needs in NEEDS.items()
@@ -46,7 +49,7 @@ def live_build(tmp_path: Path) -> LiveBuild:
         clock=0.0,
         displayed=str,
         seconds={"base": 9.0},
-        memory=PackageMemory(tmp_path / "memory.json"),
+        memory=MEMORY,
     )
     return LiveBuild(run, lambda: {"busy": "1.0", "processors": 2, "used": "3.0", "memory": "8.0 GB"})
 
