@@ -11,6 +11,7 @@ import pytest
 from forge.plugins.ci.findings import Finding, diagnostics
 from forge.plugins.ci.github import cell, command, fence
 from tests.conftest import Forge, Tree
+from tests.packages import manifest_text
 
 COMMAND = re.compile(r"^::(?P<name>[\w-]+)(?: (?P<properties>[^:]*))?::(?P<data>.*)$")
 SECTION = re.compile(
@@ -27,6 +28,11 @@ optional-dependencies = {test = ["pytest"]}
 [tool.setuptools]
 py-modules = ["nav"]
 """
+NAV = {
+    "src/nav/package.xml": manifest_text("nav", build_type="ament_python"),
+    "src/nav/pyproject.toml": PYTHON,
+    "src/nav/nav.py": "",
+}
 
 
 def unescaped(text: str) -> str:
@@ -218,8 +224,7 @@ def test_output_of_packages_contains_no_commands(
 
 def test_a_failed_test_annotates_its_line(forge: Forge, repository: Path, tree: Tree) -> None:
     test = "def test_fails():\n    print('::error::no command')\n    assert 1 == 2\n"
-    files = {"src/nav/pyproject.toml": PYTHON, "src/nav/nav.py": "", "src/nav/test/test_nav.py": test}
-    root, env = add(repository, tree, files), github(repository)
+    root, env = add(repository, tree, {**NAV, "src/nav/test/test_nav.py": test}), github(repository)
     assert forge("build", cwd=root, env=env).code == 0
     ran = forge("test", "--return-code-on-test-failure", cwd=root, env=env)
     assert ran.code == 1
@@ -236,7 +241,7 @@ def test_a_failed_test_annotates_its_line(forge: Forge, repository: Path, tree: 
 
 
 def test_the_summary_counts_packages_from_the_cache(forge: Forge, repository: Path, tree: Tree) -> None:
-    root = add(repository, tree, {"src/nav/pyproject.toml": PYTHON, "src/nav/nav.py": ""})
+    root = add(repository, tree, NAV)
     env = {**github(repository), "FORGE_CACHE_DIR": str(repository.parent / "cache")}
     forge("build", "--cache", cwd=root, env=env)
     for folder in ("build", "install"):
@@ -308,8 +313,8 @@ def test_the_service_is_detected_and_can_be_chosen(
     variables: dict[str, str],
     service: str,
 ) -> None:
-    files = {"src/nav/pyproject.toml": '[project]\nname = "nav"\nversion = "nonsense"\n'}
-    root = add(repository, tree, files)
+    invalid = '[project]\nname = "nav"\nversion = "nonsense"\n'
+    root = add(repository, tree, {**NAV, "src/nav/pyproject.toml": invalid})
     ran = forge("build", *words, cwd=root, env=variables)
     assert ran.code == 1
     printed = ran.err if "--json" in words else ran.out
