@@ -914,7 +914,12 @@ def _delete_installed(workspace: Evolving, number: int) -> set[str]:
 
 
 def _overwrite_installed(workspace: Evolving, number: int) -> set[str]:
-    owned = [(path, package) for path, package in _installed(workspace) if not path.is_symlink()]
+    # An edited file that is no longer installed stays, so none whose source may be removed.
+    owned = [
+        (path, package)
+        for path, package in _installed(workspace)
+        if not path.is_symlink() and "dded" not in path.name
+    ]
     if not owned:
         return set()
     path, package = owned[number % len(owned)]
