@@ -6,7 +6,7 @@ import pytest
 
 from forge.base.errors import HostError
 from forge.interfaces.model import File
-from forge.interfaces.writing import OutputState, Part, read_states, write, write_depfile
+from forge.interfaces.writing import Part, write, write_depfile
 
 
 def part(language: str, digest: str | None = None, **texts: str) -> Part:
@@ -19,36 +19,11 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_obsolete_files_are_removed_unless_another_package_generates_them(tmp_path: Path) -> None:
-    write([part("x", a="a", b="b")], tmp_path, "p")
-    write([part("x", b="b")], tmp_path, "q")
-    write([part("x", c="c")], tmp_path, "p")
-    assert names(tmp_path / "x") == ["b.txt", "c.txt"]
-
-
-def test_files_of_other_languages_are_kept(tmp_path: Path) -> None:
-    write([part("x", a="a")], tmp_path, "p")
-    write([part("y", c="c")], tmp_path, "p")
-    assert (tmp_path / "x/a.txt").exists()
-    write([part("x", b="b")], tmp_path, "p")
-    assert not (tmp_path / "x/a.txt").exists()
-    assert (tmp_path / "y/c.txt").exists()
-
-
 def test_other_files_are_never_removed(tmp_path: Path) -> None:
     write([part("x", a="a")], tmp_path, "p")
     (tmp_path / "x/mine.txt").write_text("mine")
     write([part("x", b="b")], tmp_path, "p")
     assert names(tmp_path / "x") == ["b.txt", "mine.txt"]
-
-
-@pytest.mark.parametrize(
-    "text", ["", "[]", '{"version": 99}', '{"version": 3}', '{"version": 3, "parts": {"a": 3}}']
-)
-def test_a_corrupt_state_file_is_ignored(tmp_path: Path, text: str) -> None:
-    write([part("x", a="a")], tmp_path, "p")
-    (tmp_path / ".forge/p.json").write_text(text)
-    assert read_states(tmp_path) == {"p": OutputState()}
 
 
 def test_unwritable_folders_are_host_errors(tmp_path: Path) -> None:

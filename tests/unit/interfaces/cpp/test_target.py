@@ -90,12 +90,6 @@ def test_literals_are_exact(value: Value, type_: Type, text: str) -> None:
     assert literal(value, type_) == text
 
 
-@pytest.mark.parametrize("type_", [POINT, Primitive("int8")])
-def test_a_value_of_the_wrong_type_is_a_type_error(type_: Type) -> None:
-    with pytest.raises(TypeError):
-        literal((1, 2), type_)
-
-
 @given(st.floats(width=32, allow_nan=False, allow_infinity=False))
 def test_a_float_literal_has_the_same_value_in_single_precision(value: float) -> None:
     text = literal(value, Primitive("float")).removesuffix("f")
