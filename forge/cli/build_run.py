@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.env_vars import SEQUENTIAL, own_cache, without_secrets
-from forge.base.errors import WorkspaceError, print_problem, raise_if_any
+from forge.base.errors import WorkspaceError, raise_if_any
 from forge.base.extensions import OPTIONS, find, is_installed
 from forge.base.frozen import Pairs
 from forge.base.layout import MEMORY_FILE, OWN_CACHE_DIR, PROGRAMS_DIR
@@ -40,7 +40,6 @@ from forge.toolchain.compiler_launchers import LauncherStats
 from forge.toolchain.languages import any_enables_cxx
 from forge.toolchain.programs import ninja_first, program_of
 from forge.toolchain.resources import LIBRARY_PATH_BELOW, gcc_heap, memory
-from forge.workspace.cmake_text import announced_downloads
 from forge.workspace.missing import missing_dependencies, whereabouts
 from forge.workspace.model import CMAKE_TYPES
 from forge.workspace.resolve import GENERATORS
@@ -307,17 +306,11 @@ def _compilers(build: PreparedBuild) -> Pairs:
 
 
 def warn_of_packages(plan: BuildPlan, build: PreparedBuild) -> None:
-    """Warn about missing dependencies, overridden underlay packages, and downloads."""
+    """Warn about missing dependencies and overridden underlay packages, and announce downloads."""
     loaded, layout = build.loaded, build.context.layout
     own = [name for name, task in plan.tasks.items() if not task.embedded]
     place_of = partial(whereabouts, loaded.workspace.root, layout)
     missing = missing_dependencies(loaded.resolution, own, build.options.skip_keys, place_of)
     build.mode.warn((*missing, *overridden(own, layout.install, build.variables)))
-    configured = (
-        loaded.packages[name]
-        for name in own
-        if loaded.packages[name].build_type in CMAKE_TYPES
-        and not (layout.build_dir(name) / "CMakeCache.txt").exists()
-    )
-    if downloads := announced_downloads(configured):
-        print_problem(downloads, "note")
+    if is_installed(OPTIONS, "explain"):
+        find(OPTIONS, "explain", "option").announce_downloads(plan, layout)

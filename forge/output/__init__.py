@@ -1,4 +1,4 @@
-"""Output of a build: console, status lines, logs, JSON events.
+"""Output of a build: console, logs, JSON events, and what plugins add: hints and reporters.
 
 All reporters listen to the events in `build.events`.
 """

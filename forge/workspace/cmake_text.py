@@ -11,11 +11,7 @@ import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from forge.base.errors import Problem
-from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
-from forge.base.text import counted
-from forge.workspace.model import Package
 from forge.workspace.source_names import is_environment, may_contain_packages
 
 _TOKEN = re.compile(
@@ -38,11 +34,6 @@ _PKG_CONFIG_FLAGS = frozenset(
     {"GLOBAL", "IMPORTED_TARGET", "NO_CMAKE_ENVIRONMENT_PATH", "NO_CMAKE_PATH", "QUIET", "REQUIRED"}
 )
 _SCOPES = frozenset({"PUBLIC", "PRIVATE", "INTERFACE", "SYSTEM"})
-_DOWNLOADING = frozenset(
-    {"ament_vendor", "cpmaddpackage", "externalproject_add", "fetchcontent_declare", "fetchcontent_populate"}
-)
-_REMOTE = re.compile(r"(?:https?|ftp|git|ssh)://\S+|[\w.-]+@[\w.-]+:\S+")
-_URLS_SHOWN = 10
 
 
 @frozen
@@ -163,26 +154,3 @@ def package_references(text: str) -> Iterator[PackageReference]:
         for name in names:
             if _PACKAGE.fullmatch(name) and name not in _SCOPES:
                 yield PackageReference(name, call.line, required, testing)
-
-
-def announced_downloads(packages: Iterable[Package]) -> Problem | None:
-    """Return a note on the literal addresses in commands that may download, None if there are none.
-
-    Some of the commands may be in branches that are not taken.
-    """
-    urls: dict[tuple[str, str], None] = {}
-    for package in packages:
-        for text in map(text_or_nothing, cmake_files(package.path)):
-            if "://" not in text and "@" not in text:
-                continue  # parsing large files completely takes time
-            for call in calls(text):
-                if call.command in _DOWNLOADING or (
-                    call.command == "file" and call.words[:1] == ("DOWNLOAD",)
-                ):
-                    addresses = (word for word in call.words if _REMOTE.fullmatch(word))
-                    urls.update(((package.name, url), None) for url in addresses)
-    if not urls:
-        return None
-    shown = ", ".join(f"{url} ('{name}')" for name, url in list(urls)[:_URLS_SHOWN])
-    rest = f" and {len(urls) - _URLS_SHOWN} more" if len(urls) > _URLS_SHOWN else ""
-    return Problem(f"this build may download from {counted(len(urls), 'URL')}: {shown}{rest}")

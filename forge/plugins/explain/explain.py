@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterator, Mapping
 
+from forge.base.errors import Problem, print_problem
+from forge.base.files import text_or_nothing
+from forge.base.layout import Layout
 from forge.base.text import counted
 from forge.build.model import Snapshot
 from forge.build.tasks import BuildPlan, step_line
 from forge.build.up_to_date import InputChange, InputKind
 from forge.cli.options import LOG_LEVELS
 from forge.cli.preparation import PreparedBuild
-from forge.workspace.model import Package
+from forge.workspace.cmake_text import calls, cmake_files
+from forge.workspace.model import CMAKE_TYPES, Package
 
 
 def print_plan(plan: BuildPlan, snapshot: Snapshot, build: PreparedBuild) -> None:
@@ -97,3 +102,41 @@ def announcements(plan: BuildPlan, snapshot: Snapshot) -> Iterator[str]:
 
 def _rebuilt(count: int) -> str:
     return "1 package is rebuilt" if count == 1 else f"{count} packages are rebuilt"
+
+
+_DOWNLOADING = frozenset(
+    {"ament_vendor", "cpmaddpackage", "externalproject_add", "fetchcontent_declare", "fetchcontent_populate"}
+)
+_REMOTE = re.compile(r"(?:https?|ftp|git|ssh)://\S+|[\w.-]+@[\w.-]+:\S+")
+_URLS_SHOWN = 10
+
+
+def announce_downloads(plan: BuildPlan, layout: Layout) -> None:
+    """Print a note with the URLs in CMake commands that may download, for packages without a build folder.
+
+    Some of the commands may be in branches that are not taken.
+    """
+    packages = (
+        task.package
+        for name, task in plan.tasks.items()
+        if task.package.build_type in CMAKE_TYPES
+        and not task.embedded
+        and not (layout.build_dir(name) / "CMakeCache.txt").exists()
+    )
+    urls: dict[tuple[str, str], None] = {}
+    for package in packages:
+        for text in map(text_or_nothing, cmake_files(package.path)):
+            if "://" not in text and "@" not in text:
+                continue  # parsing large files completely takes time
+            for call in calls(text):
+                if call.command in _DOWNLOADING or (
+                    call.command == "file" and call.words[:1] == ("DOWNLOAD",)
+                ):
+                    addresses = (word for word in call.words if _REMOTE.fullmatch(word))
+                    urls.update(((package.name, url), None) for url in addresses)
+    if not urls:
+        return
+    shown = ", ".join(f"{url} ('{name}')" for name, url in list(urls)[:_URLS_SHOWN])
+    rest = f" and {len(urls) - _URLS_SHOWN} more" if len(urls) > _URLS_SHOWN else ""
+    message = f"this build may download from {counted(len(urls), 'URL')}: {shown}{rest}"
+    print_problem(Problem(message), "note")
