@@ -40,7 +40,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
     COMMANDS: {
         "add": "forge.plugins.fetch.add",
         "bundle": "forge.plugins.bundle.command",
-        "cache": "forge.plugins.cache_maintenance.command",
+        "cache": "forge.plugins.package_cache.command",
         "clean": "forge.plugins.clean.command",
         "completion": "forge.plugins.completion.command",
         "deps": "forge.plugins.system_deps.command",
@@ -85,6 +85,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
     CACHES: {"ros": "forge.plugins.fetch.cache"},
     OPTIONS: {
         "audit": "forge.plugins.audit.audit",
+        "cache": "forge.plugins.package_cache.opening",
         "cached": "forge.plugins.cached_tests.cached",
         "compile_commands": "forge.plugins.compile_commands.merging",
         "compiler-launcher": "forge.plugins.compiler_launchers.statistics",

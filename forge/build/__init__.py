@@ -21,6 +21,7 @@ __all__ = [
     "preflight",
     "recipes",
     "records",
+    "state",
     "tasks",
     "tests",
     "up_to_date",

@@ -1,6 +1,3 @@
-"""The package cache: stores the installed files of packages by key, in a folder and optionally on a server.
+"""The options and the data model of the package cache, which is a plugin."""
 
-Start with `package_cache` and `opening`.
-"""
-
-__all__ = ["folder_store", "maintenance", "model", "opening"]
+__all__ = ["model", "options"]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Protocol
@@ -12,7 +10,6 @@ from forge.base.frozen import frozen
 
 RESTORED = "from the cache"
 """The remark for a package that was restored instead of built."""
-_SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
 @frozen
@@ -53,30 +50,6 @@ class ActionResult:
 
     files: tuple[OutputFile, ...] = ()
     stdout: bytes = b""
-
-
-def encode_result(result: ActionResult) -> bytes:
-    """Return a result as JSON, as folders of this machine store it."""
-    files = [(file.path, file.digest.hash, file.digest.size) for file in result.files]
-    return json.dumps({"files": files, "stdout": result.stdout.decode(errors="surrogateescape")}).encode()
-
-
-def decode_result(data: bytes) -> ActionResult:
-    """Decode the result of `encode_result`; raises ValueError for other data."""
-    try:
-        value = json.loads(data)
-        files = tuple(OutputFile(path, Digest(name, size)) for path, name, size in value["files"])
-        stdout = value["stdout"].encode(errors="surrogateescape")
-        texts = [text for file in files for text in (file.path, file.digest.hash)]
-        is_valid = all(isinstance(text, str) for text in texts) and all(
-            _SHA256.fullmatch(file.digest.hash) and type(file.digest.size) is int and file.digest.size >= 0
-            for file in files
-        )
-    except (LookupError, TypeError, AttributeError, RecursionError) as error:
-        raise ValueError("it is not a result") from error
-    if not is_valid:
-        raise ValueError("one of its files is invalid")
-    return ActionResult(files, stdout)
 
 
 class StoreError(Exception):

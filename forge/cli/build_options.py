@@ -13,7 +13,7 @@ from forge.base.extensions import OPTIONS, absent
 from forge.base.frozen import frozen
 from forge.base.options import flag, option, options_of
 from forge.base.text import listed
-from forge.cache.opening import CacheOptions
+from forge.cache.options import CacheOptions
 from forge.cli.options import FolderOptions, OptionSources
 from forge.execution.executor import ExecutorOptions
 from forge.execution.options import JobOptions

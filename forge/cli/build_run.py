@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, ExitStack, closing, contextmanage
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from forge.base.env_vars import SEQUENTIAL, own_cache, without_secrets
 from forge.base.errors import WorkspaceError, raise_if_any
@@ -45,7 +45,6 @@ from forge.workspace.model import CMAKE_TYPES
 from forge.workspace.resolve import GENERATORS
 
 if TYPE_CHECKING:
-    from forge.cache.package_cache import PackageCache
     from forge.execution.task_setup import Seed
 
 
@@ -94,7 +93,7 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             )
         ) as job_pool,
         _session(plan, build, state) as session,
-        _package_cache(build, state, own, observed=bool(library) and not remote) as cache,
+        _package_cache(build, state, observed=bool(library) and not remote) as cache,
     ):
         variables = {
             **without_job_variables(build.variables),
@@ -243,29 +242,26 @@ def _session(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Abstra
     )
 
 
-def _package_cache(
-    build: PreparedBuild, state: BuildState, own: Path, *, observed: bool
-) -> AbstractContextManager[PackageCache | None]:
+def _package_cache(build: PreparedBuild, state: BuildState, *, observed: bool) -> AbstractContextManager[Any]:
     """Return the package cache as a context manager; it yields None if the cache is not used."""
-    options, loaded, layout = build.options, build.loaded, build.context.layout
+    options, loaded = build.options, build.loaded
     if not options.cache.wanted:
         return nullcontext(None)
-    from forge.cache.opening import open_cache
-    from forge.cache.package_cache import CacheContext
-    from forge.cache.relocation import Relocator
-
-    context = CacheContext(
-        layout=layout,
-        relocator=Relocator(loaded.workspace.root, layout),
+    plugin = find(OPTIONS, "cache", "option", ("open_cache",))
+    cache: AbstractContextManager[Any] = plugin.open_cache(
+        options.cache,
+        loaded.workspace.root,
+        build.context.layout,
+        state,
+        build.variables,
+        build.mode.warn,
         needs=loaded.resolution.needs,
         tools=build.context.tools,
-        records=state.journal.records,
-        table=state.table,
         forced=frozenset(loaded.selection.names) if options.forced_by else frozenset(),
         values=dict(relevant_environment(build.variables)),
         observed=observed,
     )
-    return open_cache(options.cache, context, state, build.variables, build.mode.warn)
+    return cache
 
 
 def _toolchain(plan: BuildPlan, build: PreparedBuild, state: BuildState, library: Path | None) -> Seed | None:

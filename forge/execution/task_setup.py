@@ -8,7 +8,7 @@ import shlex
 import threading
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from forge.base.errors import Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import Pairs, frozen
@@ -65,7 +65,6 @@ if TYPE_CHECKING:
 
     from forge.build.state import BuildState
     from forge.build.tasks import Step, Task
-    from forge.cache.package_cache import PackageCache
     from forge.workspace.resolve import DependencyResolution
 
     Seed = Callable[[Path, Path, Mapping[str, str]], frozenset[str]]
@@ -87,7 +86,8 @@ class TaskSetup(TaskLifecycle):
     interpreter: Interpreter
     variables: Mapping[str, str]
     state: BuildState
-    cache: PackageCache | None = None
+    cache: Any = None
+    """The plugin behind '--cache', None without the option."""
     seed: Seed | None = None
     """Lets new build folders skip CMake's compiler checks."""
     audit: Callable[[Task, ObservedSteps, NativeGraph], None] | None = None

@@ -28,9 +28,6 @@ from forge.build.records import FolderRecord
 from forge.build.snapshot import find_changed_externals
 from forge.build.wheels.backends import build_system
 from forge.build.wheels.install_wheel import setup_cfg_option
-from forge.cache import keys
-from forge.cache.model import decode_result, encode_result
-from forge.cache.trees import decode_index, encode_index
 from forge.cli.config import configured
 from forge.cli.main import Parser
 from forge.environment import sourcing
@@ -51,6 +48,9 @@ from forge.interfaces.schema import read_schema
 from forge.interfaces.writing import read_states
 from forge.plugins.compile_commands.merging import merge_compile_commands
 from forge.plugins.mixins.mixins import combined, read_mixins
+from forge.plugins.package_cache import keys
+from forge.plugins.package_cache.folder_store import decode_result, encode_result
+from forge.plugins.package_cache.trees import decode_index, encode_index
 from forge.plugins.remote_cache import action_result as action_results
 from forge.testing.collecting import collect
 from forge.workspace.discovery import ROS_DEFAULTS, discover

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from forge.cache import keys
-from forge.cache.trees import decode_index
+from forge.plugins.package_cache import keys
+from forge.plugins.package_cache.trees import decode_index
 from tests.fuzz.food import SEEDS, mutated
 from tests.fuzz.harnesses import HARNESSES
 

@@ -3,4 +3,4 @@
 `unittests` is a separate program that runs unittest.
 """
 
-__all__ = ["recipes"]
+__all__ = ["detection", "recipes"]

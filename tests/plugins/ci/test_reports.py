@@ -3,7 +3,6 @@
 import html
 import json
 import re
-import shutil
 from pathlib import Path
 
 import pytest
@@ -238,18 +237,6 @@ def test_a_failed_test_annotates_its_line(forge: Forge, repository: Path, tree: 
     assert "### forge test: 1 package with failed tests\n" in summary
     assert "| <code>nav: test.test_nav.test_fails</code> | <code>assert 1 == 2" in html.unescape(summary)
     assert "| tests | failed tests | skipped tests |" in summary
-
-
-def test_the_summary_counts_packages_from_the_cache(forge: Forge, repository: Path, tree: Tree) -> None:
-    root = add(repository, tree, NAV)
-    env = {**github(repository), "FORGE_CACHE_DIR": str(repository.parent / "cache")}
-    forge("build", "--cache", cwd=root, env=env)
-    for folder in ("build", "install"):
-        shutil.rmtree(root / folder)
-    forge("build", "--cache", cwd=root, env=env)
-    summary = Path(repository.parent / "summary.md").read_text()
-    assert "Package cache: 0 restored, 1 built.\n" in summary
-    assert "Package cache: 1 restored, 0 built.\n" in summary
 
 
 @pytest.mark.needs("cmake", "ninja")

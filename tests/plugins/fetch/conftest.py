@@ -9,8 +9,8 @@ import pytest
 from forge.base.extensions import COMMANDS, is_installed
 from tests.plugins.fetch.ros import Ros, small_ros
 
-collect_ignore = [] if is_installed(COMMANDS, "cache") else ["test_cache.py"]
-"""Tests of `forge cache`, which is another plugin."""
+collect_ignore = [] if is_installed(COMMANDS, "cache") else ["test_cache.py", "test_package_cache.py"]
+"""Tests of `forge cache` and `--cache`, which are another plugin."""
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,5 @@
 """`forge interface schema`: schemas as stored by MCAP and rosbag2."""
 
-from __future__ import annotations
-
 import pytest
 
 from forge.interfaces.hashing import hashes

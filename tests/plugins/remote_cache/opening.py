@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import pytest
 
 from forge.cache.model import RemoteOptions
-from forge.cache.opening import open_remote
+from forge.cache.options import open_remote
 from forge.plugins.remote_cache.remote import Remote
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import json
 import os
 import re
 import shlex
@@ -18,9 +19,10 @@ from pathlib import Path
 
 from forge.base.errors import HostError, Location, Problem
 from forge.base.files import replace_file, writable_by_others
-from forge.cache.model import ActionResult, Digest, StoreError, decode_result, encode_result
+from forge.cache.model import ActionResult, Digest, OutputFile, StoreError
 
 _CHUNK = 1 << 20
+_SHA256 = re.compile(r"[0-9a-f]{64}")
 DRAFT = re.compile(r"\..*\.forge-draft")
 _MARK = ".forge_cache"
 _TEXT = b"This folder contains a package cache of forge, which removes files in 'ac' and 'cas'.\n"
@@ -191,6 +193,30 @@ def _set_rights(path: Path, rights: int) -> None:
     """Set permissions if possible: the owner may differ, or the file system may not support them."""
     with contextlib.suppress(PermissionError):
         path.chmod(rights)
+
+
+def encode_result(result: ActionResult) -> bytes:
+    """Return a result as JSON, as folders of this machine store it."""
+    files = [(file.path, file.digest.hash, file.digest.size) for file in result.files]
+    return json.dumps({"files": files, "stdout": result.stdout.decode(errors="surrogateescape")}).encode()
+
+
+def decode_result(data: bytes) -> ActionResult:
+    """Decode the result of `encode_result`; raises ValueError for other data."""
+    try:
+        value = json.loads(data)
+        files = tuple(OutputFile(path, Digest(name, size)) for path, name, size in value["files"])
+        stdout = value["stdout"].encode(errors="surrogateescape")
+        texts = [text for file in files for text in (file.path, file.digest.hash)]
+        is_valid = all(isinstance(text, str) for text in texts) and all(
+            _SHA256.fullmatch(file.digest.hash) and type(file.digest.size) is int and file.digest.size >= 0
+            for file in files
+        )
+    except (LookupError, TypeError, AttributeError, RecursionError) as error:
+        raise ValueError("it is not a result") from error
+    if not is_valid:
+        raise ValueError("one of its files is invalid")
+    return ActionResult(files, stdout)
 
 
 def sha256_of(descriptor: int) -> str:

@@ -21,10 +21,10 @@ from forge.base.errors import Problem
 from forge.base.frozen import Pairs, frozen
 from forge.build.inputs.fingerprints import FileTable, digest_of
 from forge.build.tests.detection import has_ctests
-from forge.cache import keys
-from forge.cache.keys import scripts_digest
 from forge.cache.model import RESTORED, ActionResult, Digest, OutputFile, RemoteStore, StoreError
-from forge.cache.trees import (
+from forge.plugins.package_cache import keys
+from forge.plugins.package_cache.keys import scripts_digest
+from forge.plugins.package_cache.trees import (
     TICK,
     CachedTree,
     Tree,
@@ -44,8 +44,8 @@ if TYPE_CHECKING:
     from forge.base.layout import Layout
     from forge.build.model import BuildRecord
     from forge.build.tasks import Task
-    from forge.cache.folder_store import FolderStore
-    from forge.cache.relocation import Relocator
+    from forge.plugins.package_cache.folder_store import FolderStore
+    from forge.plugins.package_cache.relocation import Relocator
 
 INDEX, PACK = "index", "pack"
 """The names of a result's blobs; large files are stored beside them under their own paths."""

@@ -19,15 +19,15 @@ from forge.base.files import BYTECODE, capabilities
 from forge.base.frozen import frozen
 from forge.base.layout import BACKUP_DIR, INSTALLED_LISTS_DIR, Layout
 from forge.build.inputs.elf_abi import linked_parts
-from forge.cache.folder_store import copy_bytes
 from forge.cache.model import Digest
+from forge.plugins.package_cache.folder_store import copy_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
     from pathlib import Path
 
     from forge.build.model import BuildRecord
-    from forge.cache.relocation import Relocator
+    from forge.plugins.package_cache.relocation import Relocator
 
 LARGE = 1 << 20
 """The size in bytes from which a file is a separate blob."""

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from forge.build.tasks import Task
-    from forge.cache.relocation import Relocator
-    from forge.cache.trees import Tree
+    from forge.plugins.package_cache.relocation import Relocator
+    from forge.plugins.package_cache.trees import Tree
 
 _VERSION = 3
 _MAX_LISTS = 4

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from forge.base.layout import Layout
-from forge.cache.relocation import Relocator
+from forge.plugins.package_cache.relocation import Relocator
 
 
 def places(root: str) -> Relocator:

@@ -4,7 +4,7 @@ import time
 from pathlib import Path
 
 from forge.cache.model import CacheEntry
-from forge.plugins.cache_maintenance.command import prune_entries
+from forge.plugins.package_cache.command import prune_entries
 
 HOUR = 3600.0
 

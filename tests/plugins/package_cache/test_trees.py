@@ -12,8 +12,8 @@ import pytest
 from forge.base.files import tree_below
 from forge.base.layout import Layout
 from forge.build.model import BuildInputs, BuildRecord
-from forge.cache.relocation import Relocator
-from forge.cache.trees import (
+from forge.plugins.package_cache.relocation import Relocator
+from forge.plugins.package_cache.trees import (
     LARGE,
     CachedTree,
     Tree,

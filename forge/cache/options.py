@@ -1,26 +1,16 @@
-"""The command-line options of the package cache, and the cache that they describe."""
+"""The command-line options of the package cache, and the remote store that they describe."""
 
 from __future__ import annotations
 
 import os
-from contextlib import contextmanager
-from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from forge.base.env_vars import cache_home, expand_home
 from forge.base.errors import ForgeError, Problem, SelectionError, raise_if_any
-from forge.base.extensions import STORES, call, find
+from forge.base.extensions import OPTIONS, STORES, call, find
 from forge.base.frozen import frozen
 from forge.base.options import flag, option
 from forge.cache.model import RemoteOptions, RemoteStore
 from forge.toolchain.resources import memory_limit
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
-    from pathlib import Path
-
-    from forge.build.state import BuildState
-    from forge.cache.package_cache import CacheContext, PackageCache
 
 _MAX_SECONDS = 1e6
 """The maximum timeout (twelve days), within the range of all system timers."""
@@ -84,69 +74,10 @@ class CacheOptions:
     def check(self) -> None:
         """Raise ForgeError for a folder that is not a cache, or an invalid URL of the remote cache."""
         if self.wanted:
-            raise_if_any(foreign_store(cache_folder(self.cache, os.environ)), SelectionError)
+            plugin = find(OPTIONS, "cache", "option", ("open_cache",))
+            raise_if_any(plugin.foreign_store(plugin.cache_folder(self.cache, os.environ)), SelectionError)
         if self.remote_cache:
             _scheme(self.remote_cache)
-
-
-def cache_folder(option: str | None, variables: Mapping[str, str]) -> Path:
-    """Return the cache folder: the option's value, else $FORGE_CACHE_DIR/packages, else the user's cache."""
-    return expand_home(option).absolute() if option else cache_home(variables) / "packages"
-
-
-def foreign_store(folder: Path) -> Iterator[Problem]:
-    """Yield a problem for a folder that is not a cache, but contains files at paths that a cache uses."""
-    from forge.cache.folder_store import FolderStore
-
-    if entry := FolderStore(folder).foreign_entry():
-        message = f"the folder '{folder}' is not a package cache of forge: it contains '{entry}'"
-        yield Problem(message, hint="choose another folder with '--cache'")
-
-
-@contextmanager
-def open_cache(
-    options: CacheOptions,
-    context: CacheContext,
-    state: BuildState,
-    variables: Mapping[str, str],
-    warn: Callable[[Iterable[Problem]], object],
-) -> Iterator[PackageCache]:
-    """Yield the cache of a build; on exit finish uploads, store statistics and prune.
-
-    Raises ForgeError for an invalid URL, and for a cache folder that other users can write to.
-    """
-    from forge.cache.folder_store import FolderStore
-    from forge.cache.maintenance import DEFAULT_SIZE, Counts, add_counts, prune
-    from forge.cache.package_cache import PackageCache
-
-    local = FolderStore(cache_folder(options.cache, variables))
-    local.check()
-    remote = None
-    if options.remote_cache:
-        remote_options = RemoteOptions(
-            options.cache_timeout,
-            not options.cache_read_only,
-            variables,
-            lambda message: warn([Problem(f"remote cache: {message}")]),
-        )
-        remote = open_remote(options.remote_cache, remote_options)
-    cache = PackageCache(context, local, remote, lambda problem: warn([problem]))
-    try:
-        yield cache
-        if remote and (unsent := remote.finish()):
-            results = "results were" if unsent > 1 else "result was"
-            warn([Problem(f"{unsent} {results} not uploaded to the remote cache")])
-    finally:
-        state.record_trees(cache.computed_trees)
-        if remote:
-            remote.close()
-        try:
-            add_counts(local.folder, Counts(len(cache.restored), len(cache.missed)), local.rights)
-            if cache.has_grown:
-                prune(local, DEFAULT_SIZE if options.cache_size is None else options.cache_size)
-        except OSError as error:
-            path = os.fspath(error.filename or local.folder)
-            warn([Problem(f"package cache: {path}: {error.strerror}")])
 
 
 def open_remote(url: str, options: RemoteOptions) -> RemoteStore:

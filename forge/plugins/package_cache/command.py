@@ -15,12 +15,19 @@ from forge.base.extensions import CACHES, call, entry_points, find, installed
 from forge.base.frozen import frozen
 from forge.base.options import option, options_of
 from forge.base.text import counted
-from forge.cache.folder_store import DRAFT, FolderStore, sha256_of
-from forge.cache.maintenance import DEFAULT_SIZE, YOUNG_SECONDS, prune, read_counts, scan_store
-from forge.cache.model import CacheEntry, decode_result
-from forge.cache.opening import byte_count, cache_folder, foreign_store
+from forge.cache.model import CacheEntry
+from forge.cache.options import byte_count
 from forge.cli.main import Parser
 from forge.cli.options import NoOptions, add_verb
+from forge.plugins.package_cache.folder_store import DRAFT, FolderStore, decode_result, sha256_of
+from forge.plugins.package_cache.maintenance import (
+    DEFAULT_SIZE,
+    YOUNG_SECONDS,
+    prune,
+    read_counts,
+    scan_store,
+)
+from forge.plugins.package_cache.opening import cache_folder, foreign_store
 
 _DAY = 86400.0
 

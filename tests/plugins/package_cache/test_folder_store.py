@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from forge.base.errors import HostError
-from forge.cache.folder_store import FolderStore
-from forge.cache.maintenance import Counts, add_counts
-from forge.cache.model import ActionResult, Digest, OutputFile, decode_result
+from forge.cache.model import ActionResult, Digest, OutputFile
+from forge.plugins.package_cache.folder_store import FolderStore, decode_result
+from forge.plugins.package_cache.maintenance import Counts, add_counts
 
 KEY = "ab" * 32
 

@@ -3,9 +3,9 @@
 import os
 from pathlib import Path
 
-from forge.cache.folder_store import FolderStore
-from forge.cache.maintenance import prune
 from forge.cache.model import ActionResult
+from forge.plugins.package_cache.folder_store import FolderStore
+from forge.plugins.package_cache.maintenance import prune
 
 
 def test_results_unused_since_a_date_are_removed(tmp_path: Path) -> None:

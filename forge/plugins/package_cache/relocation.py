@@ -2,7 +2,7 @@
 
 This alone does not make a result valid at another path: paths are written in many ways, and a result may
 depend on a path without containing it. Builds at different paths reveal this, see
-`forge.cache.package_cache`.
+`forge.plugins.package_cache.package_cache`.
 """
 
 from __future__ import annotations

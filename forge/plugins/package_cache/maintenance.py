@@ -14,8 +14,7 @@ from pathlib import Path
 
 from forge.base.files import replace_file
 from forge.base.frozen import frozen
-from forge.cache.folder_store import DRAFT, FolderStore
-from forge.cache.model import decode_result
+from forge.plugins.package_cache.folder_store import DRAFT, FolderStore, decode_result
 
 DEFAULT_SIZE = 20 << 30
 """The default maximum size of a folder store in bytes."""

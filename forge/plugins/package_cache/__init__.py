@@ -1,0 +1,1 @@
+"""`--cache` restores installed files of packages from a cache; `forge cache` maintains it."""

@@ -1,0 +1,100 @@
+"""The package cache of a build, as its options describe it."""
+
+from __future__ import annotations
+
+import os
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from forge.base.env_vars import cache_home, expand_home
+from forge.base.errors import Problem
+from forge.cache.model import RemoteOptions
+from forge.cache.options import open_remote
+from forge.plugins.package_cache.folder_store import FolderStore
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from pathlib import Path
+
+    from forge.base.frozen import Pairs
+    from forge.base.layout import Layout
+    from forge.build.state import BuildState
+    from forge.cache.options import CacheOptions
+    from forge.plugins.package_cache.package_cache import PackageCache
+
+
+def cache_folder(option: str | None, variables: Mapping[str, str]) -> Path:
+    """Return the cache folder: the option's value, else $FORGE_CACHE_DIR/packages, else the user's cache."""
+    return expand_home(option).absolute() if option else cache_home(variables) / "packages"
+
+
+def foreign_store(folder: Path) -> Iterator[Problem]:
+    """Yield a problem for a folder that is not a cache, but contains files at paths that a cache uses."""
+    if entry := FolderStore(folder).foreign_entry():
+        message = f"the folder '{folder}' is not a package cache of forge: it contains '{entry}'"
+        yield Problem(message, hint="choose another folder with '--cache'")
+
+
+@contextmanager
+def open_cache(
+    options: CacheOptions,
+    root: Path,
+    layout: Layout,
+    state: BuildState,
+    variables: Mapping[str, str],
+    warn: Callable[[Iterable[Problem]], object],
+    *,
+    needs: Mapping[str, frozenset[str]],
+    tools: Pairs,
+    forced: frozenset[str],
+    values: Mapping[str, str],
+    observed: bool,
+) -> Iterator[PackageCache]:
+    """Yield the cache of a build; on exit finish uploads, store statistics and prune.
+
+    Raises ForgeError for an invalid URL, and for a cache folder that other users can write to.
+    """
+    # Builds without changes only check the options.
+    from forge.plugins.package_cache.maintenance import DEFAULT_SIZE, Counts, add_counts, prune
+    from forge.plugins.package_cache.package_cache import CacheContext, PackageCache
+    from forge.plugins.package_cache.relocation import Relocator
+
+    local = FolderStore(cache_folder(options.cache, variables))
+    local.check()
+    remote = None
+    if options.remote_cache:
+        remote_options = RemoteOptions(
+            options.cache_timeout,
+            not options.cache_read_only,
+            variables,
+            lambda message: warn([Problem(f"remote cache: {message}")]),
+        )
+        remote = open_remote(options.remote_cache, remote_options)
+    context = CacheContext(
+        layout=layout,
+        relocator=Relocator(root, layout),
+        needs=needs,
+        tools=tools,
+        records=state.journal.records,
+        table=state.table,
+        forced=forced,
+        values=values,
+        observed=observed,
+    )
+    cache = PackageCache(context, local, remote, lambda problem: warn([problem]))
+    try:
+        yield cache
+        if remote and (unsent := remote.finish()):
+            results = "results were" if unsent > 1 else "result was"
+            warn([Problem(f"{unsent} {results} not uploaded to the remote cache")])
+    finally:
+        state.record_trees(cache.computed_trees)
+        if remote:
+            remote.close()
+        try:
+            add_counts(local.folder, Counts(len(cache.restored), len(cache.missed)), local.rights)
+            if cache.has_grown:
+                prune(local, DEFAULT_SIZE if options.cache_size is None else options.cache_size)
+        except OSError as error:
+            path = os.fspath(error.filename or local.folder)
+            warn([Problem(f"package cache: {path}: {error.strerror}")])
