@@ -90,13 +90,13 @@ executable = "/usr/bin/env python3"
     ],
     ids=["build_scripts", "build", "options", "pyproject"],
 )
-@pytest.mark.parametrize("options", [(), ("--link",)], ids=["copies", "links"])
-def test_scripts_use_the_configured_interpreter(
-    tree: Tree, changes: dict[str, str | None], options: tuple[str, ...]
-) -> None:
+def test_scripts_use_the_configured_interpreter(tree: Tree, changes: dict[str, str | None]) -> None:
     root = tree({name: text for name, text in {**SETUP, **changes}.items() if text is not None})
-    assert install(root, *options) == 0
-    assert (root / "install/lib/talk/hello").read_text().startswith("#!/usr/bin/env python3\n")
+    for options in ((), ("--link",)) if "src/talk/setup.py" not in changes else ((),):
+        assert install(root, *options) == 0
+        script = root / "install/lib/talk/hello"
+        assert script.read_text().startswith("#!/usr/bin/env python3\n")
+        script.unlink()
 
 
 HOOKS = {
@@ -180,30 +180,27 @@ setup(name="second", version="2", py_modules=["second"])
     assert files(root / "install") == INSTALLED | {"share/talk/after", f"{SITE}/second.py"}
 
 
-@pytest.mark.parametrize(
-    ("option", "file"),
-    [
-        ("'install_scripts': '$base/libexec'", "libexec/hello"),
-        ("'install_lib': '$base/lib/own'", "lib/own/talk/hello.py"),
-        ("'install_data': '$base/data'", "data/share/talk/launch/talk.launch.py"),
-        ("'install_headers': '$base/h'", "h/talk.h"),
-    ],
-)
-def test_options_of_the_install_command_are_respected(tree: Tree, option: str, file: str) -> None:
-    code = setup_py(arguments=f"headers=['talk.h'], options={{'install': {{{option}}}}},")
+def test_options_of_the_install_command_are_respected(tree: Tree) -> None:
+    options = "'install_scripts': '$base/libexec', 'install_lib': '$base/lib/own', "
+    options += "'install_data': '$base/data', 'install_headers': '$base/h'"
+    code = setup_py(arguments=f"headers=['talk.h'], options={{'install': {{{options}}}}},")
     root = tree(code | {"src/talk/setup.cfg": "", "src/talk/talk.h": ""})
     assert install(root) == 0
-    assert file in files(root / "install")
+    assert files(root / "install") >= {
+        "libexec/hello",
+        "lib/own/talk/hello.py",
+        "data/share/talk/launch/talk.launch.py",
+        "h/talk.h",
+    }
 
 
 INTERMEDIATE = {
-    "build_lib": {"build": {"build_lib": "made"}},
-    "build_purelib": {"build": {"build_purelib": "made"}},
-    "build_base": {"build": {"build_base": "made"}},
-    "build_temp": {"build": {"build_temp": "made"}},
-    "build_scripts": {"build": {"build_scripts": "made"}},
-    "build_py": {"build_py": {"build_lib": "made"}, "install_lib": {"build_dir": "made"}},
-    "egg_base": {"egg_info": {"egg_base": "made"}},
+    "lib": {
+        "build": {"build_lib": "made", "build_temp": "made", "build_scripts": "made_scripts"},
+        "build_py": {"build_lib": "made"},
+        "install_lib": {"build_dir": "made"},
+    },
+    "base": {"build": {"build_base": "made", "build_purelib": "made"}, "egg_info": {"egg_base": "made"}},
 }
 
 
