@@ -32,11 +32,10 @@ _BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _MARK = re.compile(r"<!-- (.*?) -->\n\Z")
 _INSERT = re.compile(r"insert: (.+) before: (.+)")
 _END = re.compile(r"\x01(\d+)\x01\n")
-_WRITE = """import pathlib, sys
+_INSERT_TEXT = """import pathlib, sys
 path, before, text = pathlib.Path(sys.argv[1]), sys.argv[2], sys.argv[3]
-old = path.read_text() if path.exists() else ""
-at = old.rindex("\\n", 0, old.index(before)) + 1 if before else len(old)
-path.parent.mkdir(parents=True, exist_ok=True)
+old = path.read_text()
+at = old.rindex("\\n", 0, old.index(before)) + 1
 path.write_text(old[:at] + text + old[at:])
 """
 
@@ -152,13 +151,14 @@ def _typed(block: Block) -> Iterator[Command]:
 
 def _edit(block: Block) -> Command:
     """Return the command that writes a block's text where its mark says."""
-    word, _, path = block.mark.partition(": ")
-    before = ""
     if match := _INSERT.fullmatch(block.mark):
-        path, before = match.groups()
-    script = ("rm -f " + shlex.quote(path) + "\n") if word == "write" else ""
-    argv = (sys.executable, "-c", _WRITE, path, before, block.text)
-    return Command(block.line, script + shlex.join(argv))
+        return Command(
+            block.line, shlex.join((sys.executable, "-S", "-c", _INSERT_TEXT, *match.groups(), block.text))
+        )
+    word, _, path = block.mark.partition(": ")
+    folder, path, text = map(shlex.quote, (str(Path(path).parent), path, block.text))
+    write = f"rm -f {path}\nprintf %s {text} >" if word == "write" else f"printf %s {text} >>"
+    return Command(block.line, f"mkdir -p {folder}\n{write} {path}")
 
 
 def _script(todo: tuple[Command, ...]) -> str:
