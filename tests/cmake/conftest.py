@@ -70,6 +70,12 @@ class Project:
     variables: Mapping[str, str] = field(default_factory=dict)
 
     def configure(self, *arguments: str) -> Outcome:
+        """Run CMake, which must succeed."""
+        outcome = self.try_to_configure(*arguments)
+        assert outcome.code == 0, outcome.text
+        return outcome
+
+    def try_to_configure(self, *arguments: str) -> Outcome:
         """Run CMake; see Outcome for how it ended."""
         return self._run(
             "cmake",
@@ -91,8 +97,7 @@ class Project:
 
     def install(self, *arguments: str) -> Project:
         """Configure, build and install, all of which must succeed."""
-        outcome = self.configure(*arguments)
-        assert outcome.code == 0, outcome.text
+        self.configure(*arguments)
         self.make()
         self._succeed("cmake", "--install", str(self.build))
         return self

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import subprocess
+from pathlib import Path
 
 import pytest
 
-from .conftest import Ament, Project
+from .conftest import Project, projects_in
 
 pytestmark = [pytest.mark.needs("cmake"), pytest.mark.needs("ninja")]
 
@@ -19,10 +20,10 @@ HOOKS = {
 }
 
 
-@pytest.fixture
-def demo(ament: Ament) -> Project:
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory, embedded: Path) -> Project:
     """Install a package with hooks of every sort."""
-    return ament(
+    return projects_in(tmp_path_factory.mktemp("hooks"), embedded)(
         'set(AMENT_CMAKE_ENVIRONMENT_HOOKS_DESC_greet "append-non-duplicate;GREETING;demo")\n'
         "ament_environment_hooks(greet.sh.in only.bash data.dsv)\n"
         'ament_environment_hooks("${ament_cmake_package_templates_ENVIRONMENT_HOOK_LIBRARY_PATH}")\n'

@@ -62,7 +62,7 @@ def test_libraries_can_be_linked_in_every_style(ament: Ament, base: str, top: st
         name="user",
         files={"main.cpp": USER},
     )
-    assert user.configure().code == 0
+    user.configure()
     user.make()
     outcome = user.test()
     assert outcome.code == 0, outcome.text
@@ -117,7 +117,7 @@ def test_classic_variables_include_those_of_dependencies(ament: Ament) -> None:
 
 def test_a_missing_dependency_is_an_error_for_users(ament: Ament) -> None:
     ament("ament_export_dependencies(nowhere)\nament_package()").install()
-    outcome = ament("find_package(demo REQUIRED)", name="user").configure()
+    outcome = ament("find_package(demo REQUIRED)", name="user").try_to_configure()
     assert outcome.code != 0
     assert '"nowhere"' in outcome.flat
 
@@ -149,8 +149,7 @@ def test_keywords_select_the_signature(ament: Ament) -> None:
             "main.cpp": "#ifndef OFFERED\n#error\n#endif\nint main() {}\n",
         },
     )
-    outcome = user.configure()
-    assert outcome.code == 0, outcome.text
+    user.configure()
     user.make()
 
 

@@ -1,7 +1,5 @@
 """forge_cdr in CMake: with an interface package, and by its own name."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,6 +27,5 @@ def test_programs_serialize_without_additional_libraries(ament: Ament, interface
         files={"main.cpp": MAIN},
     )
     user = replace(user, prefixes=(*user.prefixes, interfaces))
-    outcome = user.configure("-DCMAKE_CXX_FLAGS=-Wall -Wextra -Wpedantic -Werror")
-    assert outcome.code == 0, outcome.text
+    user.configure("-DCMAKE_CXX_FLAGS=-Wall -Wextra -Wpedantic -Werror")
     user.make("--target", "run")

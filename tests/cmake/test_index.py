@@ -1,7 +1,5 @@
 """Resources of the ament index: written byte for byte, found in the order of the prefixes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -121,7 +121,6 @@ def test_users_can_link_any_documented_target(user: Ament) -> None:
         files={"main.cpp": MAIN, "status.cpp": STATUS},
     )
     outcome = project.configure("-DCMAKE_CXX_FLAGS=-Wall -Wextra -Wpedantic -Werror")
-    assert outcome.code == 0, outcome.text
     assert {"std_msgs", "builtin_interfaces", "action_msgs"} <= set(outcome.said("recursive").split(";"))
     assert outcome.said("idl") == "msg/HTTPStatus.idl;srv/Move.idl;action/Walk.idl"
     assert outcome.said("interfaces") == "msg/HTTPStatus.msg;srv/Move.srv;action/Walk.action"
@@ -160,7 +159,7 @@ def test_a_library_may_have_the_name_of_a_project_with_interfaces(rosidl: Ament)
         name="user",
         files={"main.cpp": "int one();\nint main() { return one() - 1; }\n"},
     )
-    assert user.configure().code == 0
+    user.configure()
     user.make()
 
 
@@ -187,8 +186,7 @@ def test_c_programs_can_link_the_c_targets(user: Ament) -> None:
             "int main(void) { Goal goal; return !motion__action__Walk_Goal__init(&goal); }\n",
         },
     )
-    outcome = project.configure("-DCMAKE_C_FLAGS=-Wall -Wextra -Wpedantic -Werror")
-    assert outcome.code == 0, outcome.text
+    project.configure("-DCMAKE_C_FLAGS=-Wall -Wextra -Wpedantic -Werror")
     project.make("-j2")
     for program in ("inside", "by_target", "by_ament"):
         assert subprocess.run([project.build / program], check=False).returncode == 0
@@ -220,7 +218,6 @@ def test_third_party_generators_get_idl_definitions(rosidl: Ament) -> None:
         files={"msg/One.msg": "std_msgs/Header head\n", "srv/Two.srv": "uint8 x\n---\n"},
     )
     outcome = demo.configure()
-    assert outcome.code == 0, outcome.text
     tuples = outcome.said("tuples").split(";")
     assert [each.rpartition(":")[2] for each in tuples] == ["msg/One.idl", "srv/Two.idl"]
     written = Path(tuples[0].replace(":", "/"))
@@ -279,7 +276,6 @@ def test_programs_of_the_same_project_depend_on_generated_code(rosidl: Ament, ge
         },
     )
     outcome = demo.configure("-G", generator)
-    assert outcome.code == 0, outcome.text
     assert outcome.said("typesupport") == "demo_interfaces__rosidl_typesupport_cpp"
     assert outcome.said("none").endswith("-NOTFOUND")
     demo.make("-j2")
@@ -331,7 +327,6 @@ def test_absolute_paths_and_other_target_names_work(rosidl: Ament) -> None:
         },
     )
     outcome = demo.configure()
-    assert outcome.code == 0, outcome.text
     output = f"{demo.build}/test/rosidl/test_interfaces"
     assert outcome.said("TARGET") == "test_interfaces"
     assert outcome.said("IDL_TUPLES") == f"{output}/idl/demo:msg/One.idl;{output}/idl/demo:msg/Two.idl"
@@ -405,7 +400,7 @@ def test_invalid_calls_are_errors_with_a_reason(
     ament: Ament, commands: str, manifest: str, complaint: str
 ) -> None:
     files = {"msg/X.msg": "", "action/A.action": "---\n---\n"}
-    outcome = ament(f"{GENERATORS}{commands}", manifest=manifest, files=files).configure()
+    outcome = ament(f"{GENERATORS}{commands}", manifest=manifest, files=files).try_to_configure()
     assert outcome.code != 0
     assert complaint in outcome.flat
 
@@ -426,7 +421,7 @@ def test_an_invalid_definition_fails_the_build_with_its_location(rosidl: Ament) 
         manifest=MEMBER,
         files={"msg/X.msg": "uint7 a\n"},
     )
-    assert demo.configure().code == 0
+    demo.configure()
     outcome = demo.try_to_make()
     assert outcome.code != 0
     assert "msg/X.msg:1:1: error:" in outcome.text
@@ -438,7 +433,7 @@ def test_a_missing_forge_gives_a_clear_error(rosidl: Ament) -> None:
         manifest=MEMBER,
         files={"msg/X.msg": "uint8 a\n"},
     )
-    outcome = demo.configure("-DFORGE_COMMAND=", "-DFORGE_EXECUTABLE=FORGE_EXECUTABLE-NOTFOUND")
+    outcome = demo.try_to_configure("-DFORGE_COMMAND=", "-DFORGE_EXECUTABLE=FORGE_EXECUTABLE-NOTFOUND")
     if outcome.code == 0:
         pytest.skip("an installed forge is on PATH")
     assert "put 'forge' on PATH" in outcome.flat
@@ -450,7 +445,7 @@ def test_missing_type_support_is_not_found(rosidl: Ament, name: str) -> None:
     demo = rosidl(f'find_package({name})\nmessage(STATUS "found=${{{name}_FOUND}}")')
     assert demo.configure().said("found") == "0"
     demo = rosidl(f"find_package({name} REQUIRED)")
-    outcome = demo.configure()
+    outcome = demo.try_to_configure()
     assert outcome.code != 0
     assert f"forge's embedded rosidl generates no code for {name}. Source a ROS" in outcome.flat
     assert "or add the repositories rosidl, rosidl_typesupport and" in outcome.flat
@@ -466,7 +461,6 @@ def test_python_extra_file_describes_the_interpreter(rosidl: Ament) -> None:
     )
     for _ in range(2):
         outcome = demo.configure()
-        assert outcome.code == 0, outcome.text
         assert outcome.said("suffix") == sysconfig.get_config_var("EXT_SUFFIX")
         assert outcome.said("version") == sysconfig.get_python_version()
         headers = sysconfig.get_path("include", vars={"installed_base": sys.base_prefix})
@@ -500,6 +494,6 @@ def test_two_types_with_the_same_generated_files_are_rejected_before_the_build(r
         manifest=MEMBER,
         files={"msg/IMUData.msg": "int8 a\n", "msg/ImuData.msg": "int8 a\n"},
     )
-    outcome = made.configure()
+    outcome = made.try_to_configure()
     assert outcome.code != 0
     assert "'ImuData' and 'IMUData' would both be generated into 'imu_data'" in " ".join(outcome.text.split())

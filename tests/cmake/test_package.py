@@ -1,7 +1,5 @@
 """ament_package(): what it installs, what it refuses, and how others find the result."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from dataclasses import replace
@@ -48,7 +46,7 @@ def test_the_manifest_must_belong_to_the_project(ament: Ament) -> None:
     demo = ament("ament_package()")
     xml = demo.source / "package.xml"
     xml.write_text(xml.read_text(encoding="utf-8").replace("<name>demo", "<name>other"), encoding="utf-8")
-    assert "names the package 'other', but project() says 'demo'" in demo.configure().flat
+    assert "names the package 'other', but project() says 'demo'" in demo.try_to_configure().flat
 
 
 def test_statements_may_follow_ament_package(ament: Ament) -> None:
@@ -86,7 +84,7 @@ def test_manifest_conditions_are_evaluated_for_ros_2(ament: Ament) -> None:
 
 def test_a_malformed_condition_is_reported(ament: Ament) -> None:
     demo = ament("ament_package()", manifest='<depend condition="$A = 1">one</depend>')
-    assert "the condition '$A = 1' of <depend> is malformed" in demo.configure().flat
+    assert "the condition '$A = 1' of <depend> is malformed" in demo.try_to_configure().flat
 
 
 def test_preparsed_manifests_are_used_while_up_to_date(ament: Ament) -> None:
@@ -154,7 +152,6 @@ def test_config_files_need_only_cmake_and_are_relocatable(ament: Ament, tmp_path
         encoding="utf-8",
     )
     outcome = replace(plain, prefixes=(moved / "demo", moved / "base")).configure()
-    assert outcome.code == 0, outcome.text
     assert outcome.said("INCLUDE_DIRS") == f"{moved}/demo/include;{moved}/base/include/base"
     assert outcome.said("DEFINITIONS") == "ONE=1"
     assert outcome.said("DEPENDENCIES") == "base"
@@ -162,13 +159,17 @@ def test_config_files_need_only_cmake_and_are_relocatable(ament: Ament, tmp_path
     assert outcome.text.count("Found demo: 1.2.3") == 1
 
 
-@pytest.mark.parametrize(("version", "found"), [("0.9", True), ("1.2.3", True), ("1.3", False), ("2", False)])
-def test_older_versions_are_compatible_and_newer_ones_are_not(
-    ament: Ament, version: str, found: bool
-) -> None:
+def test_older_versions_are_compatible_and_newer_ones_are_not(ament: Ament) -> None:
     ament("ament_package()").install()
-    user = ament(f'find_package(demo {version} QUIET)\nmessage(STATUS "found=${{demo_FOUND}}")', name="user")
-    assert (user.configure().said("found") in ("1", "TRUE")) == found
+    user = ament(
+        "foreach(version 2 1.3 0.9 1.2.3)\nfind_package(demo ${version} QUIET)\n"
+        'message(STATUS "${version}=${demo_FOUND}")\nendforeach()',
+        name="user",
+    ).configure()
+    assert [user.said(version) in ("1", "TRUE") for version in ("0.9", "1.2.3", "1.3", "2")] == [
+        *(True, True),
+        *(False, False),
+    ]
 
 
 def test_using_a_deprecated_package_gives_a_warning(ament: Ament) -> None:
@@ -203,5 +204,4 @@ def test_all_packages_provided_by_the_build_tools_are_found(ament: Ament) -> Non
     check = 'if(NOT ${name}_FOUND_AMENT_PACKAGE)\nmessage(FATAL_ERROR "${name}")\nendif()\nendforeach()\n'
     use = "add_library(x INTERFACE)\n"
     use += "ament_target_dependencies(x INTERFACE rosidl_runtime_cpp rosidl_typesupport_cpp)"
-    outcome = ament(f"{loop}{check}{use}").configure()
-    assert outcome.code == 0, outcome.text
+    ament(f"{loop}{check}{use}").configure()

@@ -1,7 +1,5 @@
 """Linters in tests of Python packages: run if installed, else skipped by name; those of ROS come first."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Callable

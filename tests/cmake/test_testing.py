@@ -1,7 +1,5 @@
 """Tests and linters: a missing tool never stops CMake, and every test leaves a result."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess
@@ -103,7 +101,6 @@ def test_ament_add_test_registers_a_test_with_its_properties(ament: Ament) -> No
         " GENERATE_RESULT_FOR_RETURN_CODE_ZERO)\nament_package()"
     )
     outcome = demo.configure()
-    assert outcome.code == 0, outcome.text
     demo.make()
     tests = registered(demo)
     assert tests["one"]["TIMEOUT"] == 5.0
@@ -142,7 +139,6 @@ ament_package()
 def test_missing_google_test_skips_tests_but_defines_targets(ament: Ament) -> None:
     demo = ament(GTEST, files={"one.cpp": "#include <gtest/gtest.h>\n"})
     outcome = demo.configure()
-    assert outcome.code == 0, outcome.text
     assert outcome.text.count("'gtest' was not found: tests that need it are skipped") == 1
     demo.make()
     tests = registered(demo)
@@ -179,7 +175,6 @@ def test_google_test_is_built_in_place_from_its_sources(ament: Ament) -> None:
     )
     demo = replace(demo, variables={"GTEST_DIR": str(demo.source / "fake")})
     outcome = demo.configure()
-    assert outcome.code == 0, outcome.text
     assert outcome.said("libraries") == "gtest_main;gtest"
     demo.make()
     assert demo.test().code == 0
@@ -209,7 +204,6 @@ def test_an_installed_google_test_takes_precedence_over_system_sources(ament: Am
         },
     )
     outcome = demo.configure()
-    assert outcome.code == 0, outcome.text
     assert outcome.said("libraries") == f"gtest_main;gtest {demo.source}/installed"
     demo.make()
     assert registered(demo).keys() == {"one", "two"}
@@ -242,8 +236,7 @@ def test_catch2_runs_and_leaves_results(ament: Ament) -> None:
             "target_link_libraries(three run)\n",
         },
     )
-    outcome = demo.configure("-DCMAKE_BUILD_TYPE=None")
-    assert outcome.code == 0, outcome.text
+    demo.configure("-DCMAKE_BUILD_TYPE=None")
     demo.make()
     tests = registered(demo)
     assert tests.keys() == {"one", "two", "three", "four"}
@@ -280,7 +273,6 @@ def test_missing_catch2_skips_tests_but_defines_targets(ament: Ament) -> None:
         },
     )
     outcome = demo.configure()
-    assert outcome.code == 0, outcome.text
     assert outcome.text.count("'Catch2' was not found: tests that need it are skipped") == 1
     demo.make()
     assert registered(demo).keys() == {"one", "two_again", "own"}
@@ -316,8 +308,7 @@ def test_catch2_version_3_main_is_linked(ament: Ament) -> None:
             "installed/main.cpp": FAKE_CATCH2_MAIN,
         },
     )
-    outcome = demo.configure()
-    assert outcome.code == 0, outcome.text
+    demo.configure()
     demo.make()
     ran = demo.test()
     assert ran.code == 0, ran.text
@@ -331,7 +322,7 @@ def test_pytest_runs_and_leaves_a_result(ament: Ament) -> None:
         "ament_add_pytest_test(one test_one.py ENV A=1 WERROR ON)\nament_package()",
         files={"test_one.py": "import os\n\ndef test_it():\n    assert os.environ['A'] == '1'\n"},
     )
-    assert demo.configure().code == 0
+    demo.configure()
     outcome = demo.test()
     assert outcome.code == 0, outcome.text
     assert 'classname="demo.' in (demo.build / "test_results/demo/one.xunit.xml").read_text(encoding="utf-8")
@@ -360,7 +351,6 @@ def test_missing_pytest_gives_a_warning_and_no_test(ament: Ament) -> None:
         files={"test_one.py": ""},
     )
     outcome = demo.configure()
-    assert outcome.code == 0, outcome.text
     assert "'one' is skipped: '/bin/false' has no pytest" in outcome.flat
     assert registered(demo) == {}
 
@@ -380,7 +370,6 @@ def test_missing_linters_are_reported_in_one_line(ament: Ament, tools: Path) -> 
     demo = ament(f"{LINT_AUTO}ament_package()", manifest=LINT_DEPENDS, files={"x.py": "", "y.hpp": ""})
     demo = replace(demo, variables={"PATH": str(tools)})
     outcome = demo.configure()
-    assert outcome.code == 0, outcome.text
     assert outcome.text.count("Linters that are not installed") == 1
     assert registered(demo) == {}
 
@@ -393,7 +382,7 @@ def test_an_explicitly_requested_linter_is_a_skipped_test(ament: Ament, tools: P
         "ament_pep257(TESTNAME docs EXCLUDE x)\nament_copyright(TESTNAME license)\nament_package()"
     )
     demo = replace(demo, variables={"PATH": str(tools)})
-    assert demo.configure().code == 0
+    demo.configure()
     assert registered(demo)["cppcheck"]["TIMEOUT"] == 400.0
     assert demo.test().text.count("***Skipped") == 3
     assert skipped(demo) == [
@@ -432,7 +421,6 @@ def test_linters_run_last_and_can_be_disabled(ament: Ament, linters: Path, tools
     )
     demo = replace(demo, variables={"PATH": f"{linters}:{tools}"})
     outcome = demo.configure()
-    assert outcome.code == 0, outcome.text
     assert outcome.said("found") == "ament_lint_auto;ament_lint_common"
     tests = registered(demo)
     assert tests.keys() == {"cppcheck", "lint_cmake", "xmllint"}
@@ -458,7 +446,7 @@ def test_installed_linters_are_run(ament: Ament, tmp_path: Path, tools: Path) ->
         files={"b/bad.py": "", "b/good.py": "", "x.hpp": "", "third/AMENT_IGNORE": "", "third/no.py": ""},
     )
     demo = replace(demo, variables={"PATH": f"{folder}:{tools}"})
-    assert demo.configure().code == 0
+    demo.configure()
     assert {"flake8", "mine", "xmllint", "uncrustify"} <= registered(demo).keys()
     ran = demo.test()
     results = demo.build / "test_results/demo"
@@ -472,5 +460,5 @@ def test_installed_linters_are_run(ament: Ament, tmp_path: Path, tools: Path) ->
 
 def test_disabled_testing_registers_no_tests(ament: Ament) -> None:
     demo = ament(f"if(BUILD_TESTING)\n{LINT_AUTO}endif()\nament_package()", manifest=LINT_DEPENDS)
-    assert demo.configure("-DBUILD_TESTING=OFF").code == 0
+    demo.configure("-DBUILD_TESTING=OFF")
     assert not (demo.build / "CTestTestfile.cmake").is_file()
