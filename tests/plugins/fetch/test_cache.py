@@ -183,7 +183,7 @@ def test_changed_source_files_are_detected(env: dict[str, str], forge: Forge, tm
         assert folder.is_dir(), "it may be the work of somebody"
         shutil.rmtree(folder)
         assert forge("fetch", cwd=tmp_path / "ws", env=env).code == 0
-        assert forge("cache", "verify", env=env).code == 0
+    assert forge("cache", "verify", env=env).code == 0
 
 
 def test_damaged_clones_and_missing_sources_are_detected(
