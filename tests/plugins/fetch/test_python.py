@@ -127,7 +127,7 @@ def test_python_modules_are_pinned_and_used_by_programs(
     filled(index)
     index.add("tiny", "1.5", "below<2", text="# another file\n")
     shutil.rmtree(tmp_path / "ros/user cache/forge/ros/modules", ignore_errors=True)
-    shutil.rmtree(workspace / ".venv")
+    (workspace / ".venv/forge-modules.txt").write_text("# forge installs modules\n")  # as after a kill
     ran = forge("fetch", cwd=workspace, env={**env, "UV_CACHE_DIR": str(tmp_path / "new cache")})
     assert ran.code == 2
     assert f"cannot install Python modules for '{workspace / '.venv/bin/python3'}': " in ran.err
