@@ -343,8 +343,11 @@ def test_a_pipe_or_folder_in_place_of_a_file_is_kept(
 
 
 @MERGED
+@pytest.mark.parametrize(
+    "command", ["rm -r SHARE/mine", "mv SHARE/mine SHARE/theirs", "rm -r SHARE/mine; touch SHARE/mine"]
+)
 def test_unowned_files_removed_by_install_code_are_restored(
-    forge: Forge, tree: Tree, options: tuple[str, ...]
+    forge: Forge, tree: Tree, options: tuple[str, ...], command: str
 ) -> None:
     """After a build that fails, and after one that does not."""
     root = tree(plain(""))
@@ -356,11 +359,10 @@ def test_unowned_files_removed_by_install_code_are_restored(
     (share / "mine/empty").mkdir()
     before = {path: text for path, text in installed(root).items() if "mine" in path}
     lists = root / "src/a/CMakeLists.txt"
+    script = command.replace("SHARE", "${CMAKE_INSTALL_PREFIX}/share/a")
+    code = f'install(CODE [[execute_process(COMMAND sh -c "{script}" COMMAND_ERROR_IS_FATAL ANY)]])'
     good = lists.read_text()
-    commands = ("rm -r SHARE/mine", "rm -r SHARE/mine; touch SHARE/mine", "mv SHARE/mine SHARE/theirs")
-    for command, end in itertools.product(commands, (FAILS, "")):
-        script = command.replace("SHARE", "${CMAKE_INSTALL_PREFIX}/share/a")
-        code = f'install(CODE [[execute_process(COMMAND sh -c "{script}" COMMAND_ERROR_IS_FATAL ANY)]])'
+    for end in (FAILS, ""):
         lists.write_text(f"{good}{code}\n{end}")
         ran = forge("build", *options, cwd=root)
         assert ran.code == (1 if end else 2 if "touch" in command else 0), ran.out + ran.err
