@@ -85,11 +85,7 @@ def test_only_the_changed_definition_and_its_users_are_generated(forge: Forge, t
     assert "line.hpp" in changed or "line__struct.hpp" in changed
     assert all("line" in name.lower() for name in changed), changed
     assert is_as_clean(forge, root)
-
-
-def test_a_failed_generation_discards_no_outputs(forge: Forge, tree: Tree) -> None:
-    root = workspace(tree)
-    built(forge, root)
+    # A failed generation discards no outputs.
     before = generated(root)
     path = root / "src/shapes/msg/Line.msg"
     path.write_text("Pint start\n")
@@ -101,12 +97,7 @@ def test_a_failed_generation_discards_no_outputs(forge: Forge, tree: Tree) -> No
         path for path in before if "point" in path.name and before[path] != generated(root)[path]
     } == set()
     assert is_as_clean(forge, root)
-
-
-def test_a_missing_ledger_makes_the_generator_start_clean(forge: Forge, tree: Tree) -> None:
-    """tests/integration/interfaces/test_edits.py damages it in other ways."""
-    root = workspace(tree)
-    built(forge, root)
+    # Without its ledger, the generator starts clean; tests/integration/interfaces/test_edits.py damages it.
     before = generated(root)
     (root / "build/shapes/rosidl/shapes/.forge/shapes.json").unlink()
     (root / "src/shapes/msg/Line.msg").write_text("Point start\n")

@@ -7,9 +7,9 @@ import pytest
 from tests.conftest import Forge, Ran, Tree
 from tests.e2e.test_exact_installs import build, cmake, hold_against_clean
 
-pytestmark = [pytest.mark.needs("cmake", "ninja", "g++")]
+pytestmark = [pytest.mark.needs("cmake", "ninja", "gcc")]
 
-BASE = """add_library(base SHARED base.cpp)
+BASE = """add_library(base SHARED base.c)
 target_include_directories(base PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<INSTALL_INTERFACE:include>)
 install(TARGETS base EXPORT base LIBRARY DESTINATION lib)
 install(EXPORT base FILE baseConfig.cmake NAMESPACE base:: DESTINATION share/base/cmake)
@@ -20,40 +20,48 @@ int base() {{ return {number}; }}
 """
 HEADER = "int base();\nextern int numbers[];\n"
 USER = """find_package(base REQUIRED)
-add_executable({name} main.cpp)
+add_executable({name} main.c)
 target_link_libraries({name} base::base)
 install(TARGETS {name} DESTINATION bin)
 {more}"""
 MAIN = "#include <base.h>\nint main() { return base() + numbers[0]; }\n"
 
 OTHERS = {
-    "a command that runs it": "add_custom_command(OUTPUT made.txt COMMAND user > made.txt || true)\n"
+    "runs_it": "add_custom_command(OUTPUT made.txt COMMAND user > made.txt || true)\n"
     "add_custom_target(made ALL DEPENDS made.txt)\n"
     "install(FILES ${CMAKE_CURRENT_BINARY_DIR}/made.txt DESTINATION share)",
-    "a target that runs it": "add_custom_target(made ALL COMMAND user || true)",
-    "a command after the link": "add_custom_command(TARGET user POST_BUILD COMMAND user || true)",
-    "an installed copy": "install(IMPORTED_RUNTIME_ARTIFACTS base::base DESTINATION share)",
-    "a copied file": "get_target_property(file base::base LOCATION)\n"
-    "install(FILES ${file} DESTINATION share)",
-    "code at install time": "get_target_property(file base::base LOCATION)\n"
-    'install(CODE "file(SHA256 ${file} x)")',
-    "a file read at configure time": "get_target_property(path base::base LOCATION)\n"
+    "target_runs_it": "add_custom_target(made ALL COMMAND user || true)",
+    "after_link": "add_custom_command(TARGET user POST_BUILD COMMAND user || true)",
+    "installs_it": "install(IMPORTED_RUNTIME_ARTIFACTS base::base DESTINATION share)",
+    "copies_it": "get_target_property(file base::base LOCATION)\ninstall(FILES ${file} DESTINATION share)",
+    "install_code": 'get_target_property(file base::base LOCATION)\ninstall(CODE "file(SHA256 ${file} x)")',
+    "reads_it": "get_target_property(path base::base LOCATION)\n"
     "file(SHA256 ${path} digest)\nfile(WRITE ${CMAKE_CURRENT_BINARY_DIR}/d.txt ${digest})\n"
     "install(FILES ${CMAKE_CURRENT_BINARY_DIR}/d.txt DESTINATION share)",
-    "a static library": "",
 }
+"""What a program's package does with it beside linking it, by the package's name."""
 
 
-def packages(more: str = "", kind: str = "SHARED") -> dict[str, str]:
-    """Return a library, a program that links it, and one that needs that."""
+def library(kind: str = "SHARED") -> dict[str, str]:
+    return cmake(
+        "base",
+        BASE.replace("SHARED", kind).replace("LIBRARY DESTINATION", "DESTINATION"),
+        languages="C",
+        **{"base.c": CODE.format(count=4, number=1), "base.h": HEADER},
+    )
+
+
+def user(name: str = "user", more: str = "") -> dict[str, str]:
+    """Return a package with a program that links the library."""
+    text = USER.format(name=name, more=more.replace("user", name))
+    return cmake(name, text, "base", languages="C", **{"main.c": MAIN})
+
+
+def packages(kind: str = "SHARED") -> dict[str, str]:
+    """Return a library, a program that links it, and a package that needs that."""
     return {
-        **cmake(
-            "base",
-            BASE.replace("SHARED", kind).replace("LIBRARY DESTINATION", "DESTINATION"),
-            languages="CXX",
-            **{"base.cpp": CODE.format(count=4, number=1), "base.h": HEADER},
-        ),
-        **cmake("user", USER.format(name="user", more=more), "base", languages="CXX", **{"main.cpp": MAIN}),
+        **library(kind),
+        **user(),
         **cmake("top", "install(FILES x DESTINATION share/top)", "user", x="x\n"),
     }
 
@@ -63,7 +71,7 @@ def started(ran: Ran) -> list[str]:
 
 
 def change(root: Path, count: int = 4, number: int = 2) -> None:
-    (root / "src/base/base.cpp").write_text(CODE.format(count=count, number=number))
+    (root / "src/base/base.c").write_text(CODE.format(count=count, number=number))
 
 
 @pytest.mark.parametrize("options", [(), ("--merge-install",)], ids=["isolated", "merged"])
@@ -76,7 +84,7 @@ def test_a_changed_function_body_rebuilds_only_the_library(
         change(root, number=number)
         assert started(build(forge, root, *options)) == ["base"]
         assert started(build(forge, root, *options)) == []
-    (root / "src/user/main.cpp").write_text(MAIN + "// edited\n")
+    (root / "src/user/main.c").write_text(MAIN + "// edited\n")
     assert started(build(forge, root, *options)) == ["user"]
     change(root, number=4)
     hold_against_clean(forge, root, *options)
@@ -92,9 +100,19 @@ def test_a_changed_library_interface_rebuilds_users(forge: Forge, tree: Tree) ->
     hold_against_clean(forge, root)
 
 
-@pytest.mark.parametrize("other", OTHERS)
-def test_packages_that_may_load_the_library_are_rebuilt(forge: Forge, tree: Tree, other: str) -> None:
-    root = tree(packages(OTHERS[other], kind="STATIC" if other == "a static library" else "SHARED"))
+def test_packages_that_may_load_the_library_are_rebuilt(forge: Forge, tree: Tree) -> None:
+    files = {**library(), **user()}
+    for name, more in OTHERS.items():
+        files |= user(name, more)
+    root = tree(files)
+    build(forge, root)
+    change(root)
+    assert sorted(started(build(forge, root))) == sorted(("base", *OTHERS))
+    hold_against_clean(forge, root)
+
+
+def test_a_changed_static_library_rebuilds_users(forge: Forge, tree: Tree) -> None:
+    root = tree(packages("STATIC"))
     build(forge, root)
     change(root)
     assert started(build(forge, root))[:2] == ["base", "user"]
