@@ -30,9 +30,9 @@ SLOW = """add_custom_command(OUTPUT made.txt
 add_custom_target(all_of_it ALL DEPENDS made.txt)
 install(FILES ${{CMAKE_CURRENT_BINARY_DIR}}/made.txt DESTINATION share/{name})
 """
-LISTS = """add_library({name} SHARED one.cpp two.cpp)
+LISTS = """add_library({name} SHARED one.c two.c)
 install(TARGETS {name})
-install(FILES here.hpp DESTINATION include/{name})
+install(FILES here.h DESTINATION include/{name})
 """
 
 
@@ -52,10 +52,10 @@ def slow(name: str, flag: Path, seconds: float = 1.5) -> dict[str, str]:
 def library(name: str, *needs: str) -> dict[str, str]:
     """Return a package with a library of two sources."""
     return {
-        **cmake(name, LISTS.format(name=name), *needs, languages="CXX"),
-        f"src/{name}/one.cpp": f"int {name}_one() {{ return 1; }}\n",
-        f"src/{name}/two.cpp": f"int {name}_two() {{ return 2; }}\n",
-        f"src/{name}/here.hpp": "#pragma once\n",
+        **cmake(name, LISTS.format(name=name), *needs, languages="C"),
+        f"src/{name}/one.c": f"int {name}_one() {{ return 1; }}\n",
+        f"src/{name}/two.c": f"int {name}_two() {{ return 2; }}\n",
+        f"src/{name}/here.h": "#pragma once\n",
     }
 
 
@@ -180,7 +180,7 @@ def test_output_is_live_complete_and_ordered(cluster: Loopback, tmp_path: Path) 
 
 
 def test_failures_are_reported_as_in_a_local_build(cluster: Loopback, tmp_path: Path) -> None:
-    broken = {**library("bad"), "src/bad/two.cpp": "int bad_two() { return nothing; }\n"}
+    broken = {**library("bad"), "src/bad/two.c": "int bad_two() { return nothing; }\n"}
     files = {**broken, **plain("above", "bad"), **plain("other")}
     workspace = Workspace(write_files(tmp_path / "ws", files), cluster)
     there = workspace.build("--continue-on-error", code=1)
@@ -191,7 +191,7 @@ def test_failures_are_reported_as_in_a_local_build(cluster: Loopback, tmp_path: 
     assert process.returncode == 1
     assert _failure(there) == _failure(here)
     assert "first error in step 'build'" in there
-    assert "two.cpp:1" in there
+    assert "two.c:1" in there
     assert "Finished <<< other" in there
 
 

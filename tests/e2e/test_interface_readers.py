@@ -16,7 +16,7 @@ from forge.plugins.lsp.index import Index
 from tests.conftest import Forge, Tree
 from tests.packages import manifest_text
 
-pytestmark = pytest.mark.needs("cmake", "ninja", "g++")
+pytestmark = pytest.mark.needs("cmake", "ninja")
 
 INTERFACES = (
     "<buildtool_depend>ament_cmake</buildtool_depend>",
@@ -109,7 +109,7 @@ def package(name: str) -> dict[str, str]:
     found = "".join(
         f"find_package({each} REQUIRED)\n" for each in ("ament_cmake", "rosidl_default_generators")
     )
-    code = f"cmake_minimum_required(VERSION 3.16)\nproject({name})\n{found}{call}\nament_package()\n"
+    code = f"cmake_minimum_required(VERSION 3.16)\nproject({name} NONE)\n{found}{call}\nament_package()\n"
     files = {path: text for path, text in FILES.items() if Path(path).stem in names}
     return {
         f"src/{name}/package.xml": manifest_text(name, *depends, build_type="ament_cmake"),
