@@ -22,6 +22,12 @@ setup(name="talk", version="0.1.0", packages=["talk"],
 }
 
 
+def setup_py(code: str = "", arguments: str = "") -> dict[str, str]:
+    """Return the package with more code and arguments in its setup.py."""
+    text = SETUP["src/talk/setup.py"].replace("      entry_points", f"      {arguments}\n      entry_points")
+    return SETUP | {"src/talk/setup.py": f"import os, sys\nfrom setuptools import Command\n{code}\n{text}"}
+
+
 def install(root: Path, *options: str, python: str = sys.executable) -> int:
     """Install the package talk below root/install with an interpreter."""
     return main(

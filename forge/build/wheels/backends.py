@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from forge.base.errors import HostError, Location, Problem, WorkspaceError, raise_if_any
+from forge.base.extensions import OPTIONS, find, is_installed
 from forge.base.files import (
     delete_tree,
     listed_paths,
@@ -32,7 +33,6 @@ from forge.build.copies import is_folder
 from forge.build.inputs.fingerprints import source_files
 from forge.build.observed_writes import note_start, note_written
 from forge.build.wheels import setup_install
-from forge.build.wheels.pitfalls import invalid_scripts_of_setup
 from forge.toolchain.python_modules import install_command, setuptools_path
 
 _SETUPTOOLS: dict[str, Any] = {"build-backend": "setuptools.build_meta:__legacy__", "requires": []}
@@ -77,6 +77,12 @@ class WheelInstall:
     )
     target: str = option("platform, if it is not this machine", default="", metavar="TARGET")
     link: bool = flag("install symbolic links instead of copies")
+
+
+def find_pitfalls() -> Any:
+    """Return the plugin that detects mistakes in Python packages, None if it is not installed."""
+    found = is_installed(OPTIONS, "python-pitfalls")
+    return find(OPTIONS, "python-pitfalls", "option") if found else None
 
 
 def uses_setuptools(source: Path) -> bool:
@@ -231,8 +237,8 @@ class Backend:
         if done.returncode:
             if _NOT_UTF8 in done.stdout:
                 raise_if_any(_non_utf8_names(source), WorkspaceError)
-            if _OF_ENTRY_POINT.search(done.stdout):
-                raise_if_any(invalid_scripts_of_setup(source / "setup.py"), WorkspaceError)
+            if _OF_ENTRY_POINT.search(done.stdout) and (pitfalls := find_pitfalls()):
+                raise_if_any(pitfalls.invalid_scripts_of_setup(source / "setup.py"), WorkspaceError)
             progress, failure = progress_and_failure(done.stdout, source / "setup.py")
         print(progress, end="", flush=True)
         print(failure, end="", file=sys.stderr)

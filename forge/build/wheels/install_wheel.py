@@ -20,8 +20,13 @@ from forge.base.extensions import BUILD_TYPES, find
 from forge.base.files import listed_paths, read_file, read_text, replace_file
 from forge.build.copies import has_same_content
 from forge.build.inputs.fingerprints import source_files
-from forge.build.wheels.backends import TARGET_PYTHON, WheelInstall, run_setup_install, uses_setuptools
-from forge.build.wheels.pitfalls import refuse_what_no_backend_reads, wheel_warnings
+from forge.build.wheels.backends import (
+    TARGET_PYTHON,
+    WheelInstall,
+    find_pitfalls,
+    run_setup_install,
+    uses_setuptools,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -37,7 +42,9 @@ _STARTED_BY_SHELL = b"""#!/bin/sh
 
 def install_wheel(options: WheelInstall) -> tuple[Problem, ...]:
     """Build and install a package; return warnings. Raises ForgeError."""
-    refuse_what_no_backend_reads(options.source, Path(options.site_packages))
+    pitfalls = find_pitfalls()
+    if pitfalls:
+        pitfalls.refuse_what_no_backend_reads(options.source, Path(options.site_packages))
     if uses_setuptools(options.source):
         remove_links(options)
         installed, output = run_setup_install(options, _scripts_of_setup(options))
@@ -48,7 +55,8 @@ def install_wheel(options: WheelInstall) -> tuple[Problem, ...]:
     if options.link:
         link_to_sources(options, output, installed)
     replace_file(options.build / MANIFEST, "".join(f"{path}\n" for path in sorted(installed)).encode())
-    return tuple(wheel_warnings(options.source, options.prefix / options.site_packages, installed))
+    site = options.prefix / options.site_packages
+    return tuple(pitfalls.wheel_warnings(options.source, site, installed)) if pitfalls else ()
 
 
 def _make_startable(scripts: Sequence[Path], python: str) -> None:

@@ -1,1 +1,1 @@
-"""Python packages without package.xml: the build type `python`, and build backends other than setuptools."""
+"""Python packages: those without package.xml, build backends other than setuptools, and common mistakes."""

@@ -30,7 +30,7 @@ from forge.build.wheels.backends import (
     unavailable_backend,
 )
 from forge.build.wheels.install_wheel import remove_links, setup_cfg_option
-from forge.build.wheels.pitfalls import ENTRY_POINTS, without_invalid_scripts
+from forge.plugins.pyproject.pitfalls import ENTRY_POINTS, without_invalid_scripts
 
 if TYPE_CHECKING:
     from installer.utils import Scheme
