@@ -19,6 +19,7 @@ from forge.build.reuse import Reuse
 from forge.engine.observation import LOG_VARIABLE
 from forge.engine.observer import compile_library
 from forge.engine.world import World
+from tests.testable import restored, save
 
 pytestmark = pytest.mark.needs("cmake", "gcc", "ninja")
 
@@ -145,15 +146,23 @@ class Probe:
             os.utime(path, (1_000_000_000, 1_000_000_000))
 
 
-@pytest.fixture
-def probe(tmp_path: Path) -> Probe:
-    """Return a package that is built."""
-    (tmp_path / "build").mkdir()
-    found = Probe(tmp_path, FolderRecord("base", "shape", {}, {}))
+@pytest.fixture(scope="module")
+def built_root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build the package once."""
+    root = tmp_path_factory.mktemp("probe") / "root"
+    (root / "build").mkdir(parents=True)
+    found = Probe(root, FolderRecord("base", "shape", {}, {}))
     for name, text in _FILES.items():
         found.write(name, text)
     assert found.make() == (Reuse.NOTHING, OBJECTS)
-    return found
+    save(root, "built")
+    return root
+
+
+@pytest.fixture
+def probe(built_root: Path) -> Probe:
+    """Return the package as it was built."""
+    return Probe(restored(built_root), FolderRecord("base", "shape", {}, {}))
 
 
 def note_of(probe: Probe, **values: object) -> None:
@@ -203,22 +212,24 @@ def test_setting_the_clock_back_rebuilds_everything(probe: Probe) -> None:
     assert probe.make() == (Reuse.NOTHING, OBJECTS)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        *(None, "", "[]", "{", "null", '{"began": "x"}', '{"version": 2}', '{"version": 0}', "[" * 9999),
-        *(-1, 1, 100, '{"version": 2, "began": -1}', '{"version": 2, "began": 0}\nnull'),
-    ],
-)
-def test_changed_files_are_not_reused_after_losing_the_record(probe: Probe, text: str | int | None) -> None:
-    """A number is the length of what is left of the file."""
-    path = probe.build / SCRATCH_DIR / RECORD_FILE
-    whole = path.read_text(encoding="utf-8")
-    path.unlink()
-    if text is not None:
-        path.write_text(whole[:text] if isinstance(text, int) else text, encoding="utf-8")
+def test_changed_files_are_not_reused_after_losing_the_record(probe: Probe) -> None:
+    (probe.build / SCRATCH_DIR / RECORD_FILE).unlink()
     probe.write("one.h", "#define ONE 2\n", old=True)
     assert "one" in probe.make()[1]
+
+
+def test_a_damaged_record_counts_as_lost(probe: Probe) -> None:
+    path = probe.build / SCRATCH_DIR / RECORD_FILE
+    whole = path.read_text(encoding="utf-8")
+    version = json.loads(whole.splitlines()[0])["version"]
+    assert read_record(probe.build) is not None
+    for text in (
+        *("", "[]", "{", "null", '{"began": "x"}', '{"version": 2}', '{"version": 0}', "[" * 9999),
+        *(f'{{"version": {version}, "began": {rest}' for rest in ("-1}", "0}\nnull")),
+        *(whole.rstrip()[:-1], whole[:1], whole[:100]),
+    ):
+        path.write_text(text, encoding="utf-8")
+        assert read_record(probe.build) is None, text[:100]
 
 
 def test_a_record_of_another_version_forces_a_clean_build(probe: Probe) -> None:
@@ -227,8 +238,13 @@ def test_a_record_of_another_version_forces_a_clean_build(probe: Probe) -> None:
     assert probe.make() == (Reuse.NOTHING, OBJECTS)
 
 
-@pytest.mark.parametrize("name", ["build.ninja", "CMakeFiles/rules.ninja", "cmake_install.cmake"])
-@pytest.mark.parametrize("kept", [0, 100, None])
+@pytest.mark.parametrize(
+    ("name", "kept"),
+    [
+        *(("build.ninja", kept) for kept in (0, 100, None)),
+        *(("CMakeFiles/rules.ninja", 0), ("cmake_install.cmake", 100)),
+    ],
+)
 def test_a_damaged_cmake_file_forces_a_clean_build(probe: Probe, name: str, kept: int | None) -> None:
     """The native tool could not read it, or would leave something out."""
     path = probe.build / name
