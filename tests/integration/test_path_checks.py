@@ -48,14 +48,17 @@ def test_workspace_paths_with_shell_characters_work(tmp_path: Path) -> None:
     assert not list(tmp_path.rglob("sprung"))
 
 
-@pytest.mark.parametrize("sign", [":", ";", '"', "\\", "\n", "$", "%", "{", "}"])
-def test_workspace_paths_that_tools_cannot_handle_are_rejected_early(sign: str, tmp_path: Path) -> None:
-    root = workspace(tmp_path / f"a{sign}b")
+def test_workspace_paths_that_tools_cannot_handle_are_rejected_early(tmp_path: Path) -> None:
+    root = workspace(tmp_path / "a:b")
     done = build(root)
     assert (done.returncode, (root / "install").exists()) == (2, False)
-    assert f"contains {sign!r}, which is not supported" in done.stderr.replace("\n", "\\n") or sign == "\n"
+    assert "contains ':', which is not supported" in done.stderr
     assert "move the workspace" in done.stderr
 
 
-def test_characters_rejected_by_setuptools_are_allowed_for_cmake() -> None:
-    assert not list(path_problems([Path("/a$b%c{d}")], python=False))
+@pytest.mark.parametrize("sign", [":", ";", '"', "\\", "\n", "$", "%", "{", "}"])
+def test_each_unsupported_character_is_named(sign: str) -> None:
+    """Some are rejected by setuptools only."""
+    (problem,) = path_problems([Path(f"/a{sign}b")], python=True)
+    assert f"contains {sign!r}, which is not supported" in problem.message
+    assert bool([*path_problems([Path(f"/a{sign}b")], python=False)]) == (sign not in "$%{}")

@@ -8,7 +8,7 @@ import pytest
 
 from tests.conftest import Forge, Tree
 from tests.packages import manifest_text
-from tests.testable import cmake_package
+from tests.testable import built_once, cmake_package, restored, run_forge, save
 
 PYTHON = """
 [project]
@@ -34,12 +34,31 @@ install-base = "out/i"
 """
 
 
+FILES = {
+    "src/nav/pyproject.toml": PYTHON,
+    "src/nav/nav.py": "import sys\n\ndef main():\n    print(__file__)\n",
+    "forge.toml": SETTINGS,
+}
+
+
 @pytest.fixture
 def root(tree: Tree) -> Path:
     """Return a workspace with a Python package, in a folder with a space."""
-    module = "import sys\n\ndef main():\n    print(__file__)\n"
-    files = {"src/nav/pyproject.toml": PYTHON, "src/nav/nav.py": module, "forge.toml": SETTINGS}
-    return tree({f"a team/{name}": text for name, text in files.items()}) / "a team"
+    return tree({f"a team/{name}": text for name, text in FILES.items()}) / "a team"
+
+
+@pytest.fixture(scope="module")
+def built_twice(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = built_once(tmp_path_factory.mktemp("profiles") / "a team", FILES)
+    run_forge(root, "build", "--profile", "fast")
+    save(root, "built twice")
+    return root
+
+
+@pytest.fixture
+def both(built_twice: Path) -> Path:
+    """Return the workspace after a build without a profile and one with the profile 'fast'."""
+    return restored(built_twice, "built twice")
 
 
 def folders(root: Path) -> set[str]:
@@ -55,22 +74,20 @@ def test_switching_profiles_rebuilds_nothing(forge: Forge, root: Path) -> None:
     assert forge("list", "-n", cwd=root).out == "nav\n"
 
 
-def test_an_install_folder_of_another_profile_is_not_an_underlay(forge: Forge, root: Path) -> None:
+def test_an_install_folder_of_another_profile_is_not_an_underlay(forge: Forge, both: Path) -> None:
     """Sourcing the workspace before a build of a profile, or the other way round, makes no difference."""
-    forge("build", cwd=root)
-    forge("build", "--profile", "fast", cwd=root)
     for profile, sourced in ((("--profile", "fast"), "install"), ((), "install-fast")):
-        env = json.loads(forge("env", "--format", "json", "--install-base", sourced, cwd=root).out)
-        ran = forge("build", *profile, cwd=root, env=env)
+        env = json.loads(forge("env", "--format", "json", "--install-base", sourced, cwd=both).out)
+        ran = forge("build", *profile, cwd=both, env=env)
         assert (ran.code, ran.err) == (0, "")
         assert "1 package unchanged" in ran.out
     # The install folder of 'board' is not beside the others.
-    env = json.loads(forge("env", "--format", "json", cwd=root).out)
-    forge("build", "--profile", "board", cwd=root, env=env)
-    assert json.loads((root / "out/i/.forge.json").read_text())["underlays"] == []
-    env = json.loads(forge("env", "--format", "json", "--profile", "board", cwd=root).out)
-    assert "1 package unchanged" in forge("build", cwd=root, env=env).out
-    states = [json.loads((root / name / ".forge.json").read_text()) for name in ("install", "install-fast")]
+    env = json.loads(forge("env", "--format", "json", cwd=both).out)
+    forge("build", "--profile", "board", cwd=both, env=env)
+    assert json.loads((both / "out/i/.forge.json").read_text())["underlays"] == []
+    env = json.loads(forge("env", "--format", "json", "--profile", "board", cwd=both).out)
+    assert "1 package unchanged" in forge("build", cwd=both, env=env).out
+    states = [json.loads((both / name / ".forge.json").read_text()) for name in ("install", "install-fast")]
     assert [state["underlays"] for state in states] == [[], []]
 
 
@@ -121,22 +138,18 @@ def test_hints_name_the_profile(forge: Forge, root: Path) -> None:
     assert "hint: remove them: forge clean stale --profile fast\n" in ran.err
 
 
-def test_run_prefers_the_profile_to_a_sourced_workspace(forge: Forge, root: Path) -> None:
-    forge("build", cwd=root)
-    forge("build", "--profile", "fast", cwd=root)
-    env = json.loads(forge("env", "--format", "json", cwd=root).out)
-    assert f"{root}/install/" in forge("run", "nav", "steer", cwd=root, env=env).out
-    ran = forge("run", "--profile", "fast", "nav", "steer", cwd=root, env=env)
-    assert f"{root}/install-fast/" in ran.out
+def test_run_prefers_the_profile_to_a_sourced_workspace(forge: Forge, both: Path) -> None:
+    env = json.loads(forge("env", "--format", "json", cwd=both).out)
+    assert f"{both}/install/" in forge("run", "nav", "steer", cwd=both, env=env).out
+    ran = forge("run", "--profile", "fast", "nav", "steer", cwd=both, env=env)
+    assert f"{both}/install-fast/" in ran.out
 
 
-def test_clean_lists_the_profile_folders_that_it_keeps(forge: Forge, root: Path) -> None:
-    forge("build", cwd=root)
-    forge("build", "--profile", "fast", cwd=root)
-    assert "  forge clean workspace --profile fast\n" in forge("clean", cwd=root).out
-    forge("clean", "workspace", "-y", cwd=root)
-    assert folders(root) == {"build-fast", "install-fast", "log-fast"}
-    assert "Profiles have folders" not in forge("clean", "--profile", "fast", cwd=root).out
+def test_clean_lists_the_profile_folders_that_it_keeps(forge: Forge, both: Path) -> None:
+    assert "  forge clean workspace --profile fast\n" in forge("clean", cwd=both).out
+    forge("clean", "workspace", "-y", cwd=both)
+    assert folders(both) == {"build-fast", "install-fast", "log-fast"}
+    assert "Profiles have folders" not in forge("clean", "--profile", "fast", cwd=both).out
 
 
 def test_the_root_is_found_if_only_a_profile_was_built(forge: Forge, root: Path) -> None:
