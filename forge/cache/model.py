@@ -4,12 +4,38 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from forge.base.frozen import frozen
 
+if TYPE_CHECKING:
+    from forge.build.model import BuildRecord
+    from forge.build.tasks import Task
+
 RESTORED = "from the cache"
 """The remark for a package that was restored instead of built."""
+
+
+class PackageCache(Protocol):
+    """The cache behind `--cache`, which is a plugin."""
+
+    notes: Mapping[str, str]
+    """The result of storing or restoring each package, as text."""
+
+    def find(self, task: Task) -> Any | None:
+        """Return the result of a task that can be restored, or None if it must be built."""
+
+    def restore(self, task: Task, found: Any) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Write a result into the task's prefix; return the paths of its files and empty folders."""
+
+    def keep(self, task: Task, record: BuildRecord) -> BuildRecord:
+        """Store the installed files of a task; return its record with the digest of its tree."""
+
+    def remark(self, name: str) -> str:
+        """Return the remarks of the cache about a package, or ''."""
+
+    def finish(self) -> None:
+        """Publish the results that wait for the end of all packages."""
 
 
 @frozen

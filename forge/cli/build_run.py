@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, ExitStack, closing, contextmanage
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from forge.base.env_vars import SEQUENTIAL, own_cache, without_secrets
 from forge.base.errors import WorkspaceError, raise_if_any
@@ -45,6 +45,7 @@ from forge.workspace.model import CMAKE_TYPES
 from forge.workspace.resolve import GENERATORS
 
 if TYPE_CHECKING:
+    from forge.cache.model import PackageCache
     from forge.execution.task_setup import Seed
 
 
@@ -242,13 +243,15 @@ def _session(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Abstra
     )
 
 
-def _package_cache(build: PreparedBuild, state: BuildState, *, observed: bool) -> AbstractContextManager[Any]:
+def _package_cache(
+    build: PreparedBuild, state: BuildState, *, observed: bool
+) -> AbstractContextManager[PackageCache | None]:
     """Return the package cache as a context manager; it yields None if the cache is not used."""
     options, loaded = build.options, build.loaded
     if not options.cache.wanted:
         return nullcontext(None)
     plugin = find(OPTIONS, "cache", "option", ("open_cache",))
-    cache: AbstractContextManager[Any] = plugin.open_cache(
+    cache: AbstractContextManager[PackageCache] = plugin.open_cache(
         options.cache,
         loaded.workspace.root,
         build.context.layout,

@@ -8,7 +8,7 @@ import shlex
 import threading
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem, WorkspaceError, raise_if_any
 from forge.base.frozen import Pairs, frozen
@@ -65,6 +65,7 @@ if TYPE_CHECKING:
 
     from forge.build.state import BuildState
     from forge.build.tasks import Step, Task
+    from forge.cache.model import PackageCache
     from forge.workspace.resolve import DependencyResolution
 
     Seed = Callable[[Path, Path, Mapping[str, str]], frozenset[str]]
@@ -86,8 +87,7 @@ class TaskSetup(TaskLifecycle):
     interpreter: Interpreter
     variables: Mapping[str, str]
     state: BuildState
-    cache: Any = None
-    """The plugin behind '--cache', None without the option."""
+    cache: PackageCache | None = None
     seed: Seed | None = None
     """Lets new build folders skip CMake's compiler checks."""
     audit: Callable[[Task, ObservedSteps, NativeGraph], None] | None = None
