@@ -1,4 +1,7 @@
-"""Run `make quick` without each plugin and its tests: `python -m tests.without_plugins [NAME ...]`."""
+"""Run `make quick` without plugins and their tests: `python -m tests.without_plugins [NAME ...]`.
+
+Without names, all plugins are left out first, then each.
+"""
 
 import shutil
 import subprocess
@@ -10,17 +13,20 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PLUGINS = sorted(path.parent.name for path in (ROOT / "forge/plugins").glob("*/__init__.py"))
+ALL = "any_plugin"
+"""Stands for all plugins at once."""
 
 
 def copy_without(plugin: str, copy: Path, *entries: str) -> Path:
-    """Copy files and folders of the repository, without a plugin and its tests; return the copy."""
+    """Copy files and folders of the repository, without a plugin or ALL, and its tests; return the copy."""
     for entry in entries:
         if (ROOT / entry).is_dir():
             shutil.copytree(ROOT / entry, copy / entry)
         else:
             shutil.copy2(ROOT / entry, copy)
     for folder in ("forge/plugins", "tests/plugins"):
-        shutil.rmtree(copy / folder / plugin, ignore_errors=True)
+        for name in PLUGINS if plugin == ALL else [plugin]:
+            shutil.rmtree(copy / folder / name, ignore_errors=True)
     return copy
 
 
@@ -50,7 +56,7 @@ def passes_without(plugin: str) -> bool:
 
 def main(names: list[str]) -> int:
     """Print the plugins without which tests fail; return 1 if there are any."""
-    failed = [name for name in names or PLUGINS if not passes_without(name)]
+    failed = [name for name in names or [ALL, *PLUGINS] if not passes_without(name)]
     print(f"\nfailed without: {', '.join(failed)}" if failed else "\npassed without each plugin")
     return bool(failed)
 

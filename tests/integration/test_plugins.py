@@ -13,7 +13,7 @@ import pytest
 from tests.conftest import Tree
 from tests.packages import distribution, manifest_text, write_files
 from tests.snippets import ROOT, blocks
-from tests.without_plugins import PLUGINS, copy_without
+from tests.without_plugins import ALL, PLUGINS, copy_without
 
 PAGE = (ROOT / "docs/how-to/plugins.md").read_text(encoding="utf-8")
 
@@ -88,10 +88,10 @@ def underlay(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 
 OF_INTERFACES = {"c_target", "fast_rosidl", "interface_pages", "interface_versions", "json_schema"}
-OF_INTERFACES |= {"arrow", "protobuf", "typescript"}
+OF_INTERFACES |= {"arrow", "protobuf", "typescript", ALL}
 
 
-@pytest.mark.parametrize("plugin", PLUGINS)
+@pytest.mark.parametrize("plugin", [ALL, *PLUGINS])
 def test_forge_builds_without_the_plugin(
     plugin: str, request: pytest.FixtureRequest, tree: Tree, forge_without: Callable[[str], Path]
 ) -> None:
@@ -101,7 +101,7 @@ def test_forge_builds_without_the_plugin(
     root = tree(WORKSPACE if has_interfaces else PLAIN) / "ws"
     variables = request.getfixturevalue("underlay") if has_interfaces else None
     commands = ["extensions", "list", "build", "test"]
-    if plugin != "completion":
+    if plugin not in {ALL, "completion"}:
         commands.append("completion bash")
     ran = run_python(root, "-c", ALL_IN_ONE, *commands, path=copy, variables=variables)
     assert ran.returncode == 0, ran.stdout + ran.stderr
