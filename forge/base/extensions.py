@@ -146,6 +146,7 @@ def find(group: str, name: str, kind: str, functions: tuple[str, ...] = ()) -> A
     return import_module(OWN[group][name])
 
 
+@cache
 def is_installed(group: str, name: str) -> bool:
     """Return whether one of forge's own plugins is installed, without importing it."""
     return (PACKAGE / OWN[group][name].partition(".")[2].replace(".", "/")).with_suffix(".py").is_file()

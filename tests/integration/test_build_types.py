@@ -259,7 +259,7 @@ def test_unused_build_type_plugins_are_not_imported(tree: Tree, words: list[str]
     )
     script = (
         f"import sys\nfrom forge.cli.main import main\ncode = main({words})\n"
-        "unused = {'importlib.metadata', 'forge.plugins'}\n"
+        "unused = {'importlib.metadata', 'forge.plugins.cargo', 'forge.plugins.pyproject'}\n"
         "print(code, sorted(unused & sys.modules.keys()))"
     )
     ran = subprocess.run(
