@@ -237,7 +237,8 @@ class TaskSetup(TaskLifecycle):
         cached_tree = self.cache.find(task) if self.cache else None
         if cached_tree is None or self.cache is None:
             return None
-        with closing(cached_tree), self._alone:
+        # One at a time in isolated prefixes, too: threads that write many small files delay each other.
+        with closing(cached_tree), self._lock:
             self._back_up(task, runs_steps=False)
             paths = [f"{task.prefix}/{leaf.path}" for leaf in cached_tree.tree.leaves]
             exchange = self._exchange(task)
