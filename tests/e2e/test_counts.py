@@ -37,13 +37,13 @@ NOTHING_CHANGED = {
 }
 """Per package of 5 source files in 3 folders and 28 installed ones: each is looked at about once."""
 
-LINE_CHANGED = {"files read": 400, "folders listed": 60, "stat calls": 3060}
+LINE_CHANGED = {"files read": 400, "folders listed": 60, "stat calls": 3100}
 """What forge itself asks beyond a build of nothing when a line has changed.
 
 Most files are modules that only a build imports. Installed files that are compared twice are read twice. Of
 the folders 36 are the prefix of before, compared with the new one and removed. Many of the stat calls are for
 files of the system that the compilers were observed to read, and for those that they looked for in vain,
-which may be links whose target is missing.
+which may be links whose target is missing. Below one more folder there are about 16 more.
 """
 
 ONE_LINE = {"cmake": 2, "ninja": 1, "cc1plus": 1, "c++": 3}
