@@ -8,7 +8,7 @@ import sys
 def main() -> int:
     """Run the command line of this process and return its exit code."""
     _insist_on_utf8()
-    # Commands create many objects and little garbage; collecting would take a tenth of the time.
+    # Commands create many objects and few cycles; searching for them in large builds takes noticeable time.
     gc.set_threshold(200_000)
     # Import late: the module search path is complete only now.
     from forge.base.signals import open_standard_streams

@@ -14,7 +14,7 @@ from forge.base.extensions import HINTS, first_answer
 from forge.workspace.model import Package
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True)  # not @frozen, because plugins may add fields
 class Failure:
     """A failed package, its output without colors, and its surroundings.
 
