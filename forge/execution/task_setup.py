@@ -72,6 +72,8 @@ if TYPE_CHECKING:
     """Prepares a package for CMake, given its source folder, build folder and variables."""
 
 
+_SMALL = 1 << 20
+"""The size of results, in bytes, below which one is restored at a time."""
 _METADATA = re.compile(r"-packages/[^/]+\.(dist|egg)-info/")
 
 
@@ -237,8 +239,9 @@ class TaskSetup(TaskLifecycle):
         cached_tree = self.cache.find(task) if self.cache else None
         if cached_tree is None or self.cache is None:
             return None
-        # One at a time in isolated prefixes, too: threads that write many small files delay each other.
-        with closing(cached_tree), self._lock:
+        # Threads that write small files delay each other; those that copy large ones do not.
+        is_small = sum(leaf.size for leaf in cached_tree.tree.leaves) < _SMALL
+        with closing(cached_tree), self._lock if is_small else self._alone:
             self._back_up(task, runs_steps=False)
             paths = [f"{task.prefix}/{leaf.path}" for leaf in cached_tree.tree.leaves]
             exchange = self._exchange(task)

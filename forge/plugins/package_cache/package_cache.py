@@ -12,7 +12,7 @@ import hashlib
 import os
 import threading
 import time
-from contextlib import ExitStack, nullcontext, suppress
+from contextlib import ExitStack, suppress
 from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -100,7 +100,7 @@ class PackageCache:
         self._remote = remote
         self._warn = warn
         self._external_inputs = keys.ExternalInputs(context.relocator, context.table)
-        self._lock = threading.RLock()
+        self._lock = threading.Lock()
         self._shared_inputs: tuple[str, ...] | None = None
         self._keys: dict[str, str] = {}
         """The first keys of packages that were looked up."""
@@ -127,10 +127,7 @@ class PackageCache:
 
     def find(self, task: Task) -> CachedTree | None:
         """Return the cached result of a task, downloaded and verified, or None if it must be built."""
-        # Several lookups at a time would wait for the interpreter's lock at each system call, which takes
-        # longer than one after the other. Downloads only wait for a server.
-        with nullcontext() if self._remote else self._lock:
-            cached_tree = self._look_up(task)
+        cached_tree = self._look_up(task)
         if cached_tree is None:
             self._external_inputs.stop_caching()
         return cached_tree
