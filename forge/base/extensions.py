@@ -84,12 +84,17 @@ OWN: Mapping[str, Mapping[str, str]] = {
     UNDERLAYS: {"forge.lock": "forge.plugins.fetch.underlay"},
     CACHES: {"ros": "forge.plugins.fetch.cache"},
     OPTIONS: {
+        "advice-cmake-arguments": "forge.plugins.advice.cmake_arguments",
+        "advice-executables": "forge.plugins.advice.executables",
+        "advice-surroundings": "forge.plugins.advice.surroundings",
         "audit": "forge.plugins.audit.audit",
         "cache": "forge.plugins.package_cache.opening",
         "cached": "forge.plugins.cached_tests.cached",
         "compile_commands": "forge.plugins.compile_commands.merging",
         "compiler-launcher": "forge.plugins.compiler_launchers.statistics",
         "explain": "forge.plugins.explain.explain",
+        "ignored-packages": "forge.plugins.ignore.ignoring",
+        "missing-packages": "forge.plugins.failure_hints.missing",
         "mixin": "forge.plugins.mixins.mixins",
         "package-memory": "forge.plugins.package_memory.measuring",
         "packages-select-changed": "forge.plugins.git_changes.changes",
@@ -154,6 +159,11 @@ def is_installed(group: str, name: str) -> bool:
 
 def installed(group: str) -> list[str]:
     return [name for name in OWN.get(group, ()) if is_installed(group, name)]
+
+
+def own_plugin(group: str, name: str) -> Any | None:
+    """Return one of forge's own plugins, None if it is not installed."""
+    return import_module(OWN[group][name]) if is_installed(group, name) else None
 
 
 def absent(group: str, name: str, kind: str) -> Problem | None:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from forge.base.env_vars import SEQUENTIAL, own_cache, without_secrets
 from forge.base.errors import WorkspaceError, raise_if_any
-from forge.base.extensions import OPTIONS, find, is_installed
+from forge.base.extensions import OPTIONS, find, is_installed, own_plugin
 from forge.base.frozen import Pairs
 from forge.base.layout import MEMORY_FILE, OWN_CACHE_DIR, PROGRAMS_DIR
 from forge.build.events import Event
@@ -26,7 +26,6 @@ from forge.engine.observation import COLOURS_VARIABLE
 from forge.engine.observer import compile_library
 from forge.engine.variables import relevant_environment
 from forge.environment.prefixes import find_underlays, provider
-from forge.environment.underlays import overridden
 from forge.execution.executor import Executor, ExecutorContext
 from forge.execution.job_pool import open_job_pool, without_job_variables
 from forge.execution.loop import Scheduler
@@ -40,7 +39,6 @@ from forge.toolchain.compiler_launchers import LauncherStats
 from forge.toolchain.languages import any_enables_cxx
 from forge.toolchain.programs import ninja_first, program_of
 from forge.toolchain.resources import LIBRARY_PATH_BELOW, gcc_heap, memory
-from forge.workspace.missing import missing_dependencies, whereabouts
 from forge.workspace.model import CMAKE_TYPES
 from forge.workspace.resolve import GENERATORS
 
@@ -218,6 +216,7 @@ def _workers(
 
 def _session(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> AbstractContextManager[Session]:
     context, packages = build.context, build.loaded.packages
+    advice = own_plugin(OPTIONS, "missing-packages")
 
     def prefix_of(name: str) -> Path | None:
         if name in packages:
@@ -238,7 +237,7 @@ def _session(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Abstra
         cmake_variables=defined((*context.cmake_args, *context.ament_cmake_args)),
         python=str(build.interpreter.path),
         prefix_of=prefix_of,
-        whereabouts=partial(whereabouts, context.root, context.layout),
+        whereabouts=partial(advice.whereabouts, context.root, context.layout) if advice else lambda _: None,
         origin=build.options.origin,
     )
 
@@ -308,8 +307,11 @@ def warn_of_packages(plan: BuildPlan, build: PreparedBuild) -> None:
     """Warn about missing dependencies and overridden underlay packages, and announce downloads."""
     loaded, layout = build.loaded, build.context.layout
     own = [name for name, task in plan.tasks.items() if not task.embedded]
-    place_of = partial(whereabouts, loaded.workspace.root, layout)
-    missing = missing_dependencies(loaded.resolution, own, build.options.skip_keys, place_of)
-    build.mode.warn((*missing, *overridden(own, layout.install, build.variables)))
-    if is_installed(OPTIONS, "explain"):
-        find(OPTIONS, "explain", "option").announce_downloads(plan, layout)
+    if advice := own_plugin(OPTIONS, "missing-packages"):
+        place_of = partial(advice.whereabouts, loaded.workspace.root, layout)
+        skip_keys = build.options.skip_keys
+        build.mode.warn(advice.missing_dependencies(loaded.resolution, own, skip_keys, place_of))
+    if advice := own_plugin(OPTIONS, "advice-surroundings"):
+        build.mode.warn(advice.overridden(own, layout.install, build.variables))
+    if explain := own_plugin(OPTIONS, "explain"):
+        explain.announce_downloads(plan, layout)

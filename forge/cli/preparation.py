@@ -28,7 +28,7 @@ from forge.base.errors import (
     WorkspaceError,
     raise_if_any,
 )
-from forge.base.extensions import OPTIONS, RECIPES, UNDERLAYS, absent, find, installed
+from forge.base.extensions import OPTIONS, RECIPES, UNDERLAYS, absent, find, installed, own_plugin
 from forge.base.files import current_umask, names_in
 from forge.base.frozen import frozen
 from forge.base.graph import closure
@@ -45,16 +45,11 @@ from forge.build.snapshot import take_snapshot
 from forge.engine.variables import relevant_environment
 from forge.environment import install_state
 from forge.environment.prefixes import PACKAGES, find_underlays, spellings, tidy_prefixes
-from forge.environment.underlays import lacks_modules, lost_underlays, other_distributions, unusable_overlays
+from forge.environment.underlays import lacks_modules
 from forge.execution.makeflags import read_make_flags
-from forge.toolchain.cmake_variables import (
-    OLDEST_POLICY,
-    builds_tests,
-    suspicious_arguments,
-    unset_definitions,
-)
+from forge.toolchain.cmake_variables import OLDEST_POLICY, builds_tests, unset_definitions
 from forge.toolchain.compiler_launchers import selected_launcher
-from forge.toolchain.interpreter import Interpreter, find_interpreter, other_than_recorded, own_command
+from forge.toolchain.interpreter import Interpreter, find_interpreter, own_command
 from forge.toolchain.programs import condensed, find_tools, identities
 from forge.workspace.discovery import ROS_DEFAULTS, special_files
 from forge.workspace.load import LoadedWorkspace, find_packages, load_workspace
@@ -127,10 +122,7 @@ class PreparedBuild:
 def _load(
     options: BuildOptions, layout: Layout, warn: WarningReporter
 ) -> tuple[LoadedWorkspace, dict[str, str]]:
-    """Return the packages with their selection, and the variables of the build; print warnings.
-
-    Warn about underlays that do not exist, cannot be used, or do not match.
-    """
+    """Return the packages with their selection, and the variables of the build; print warnings."""
     if options.reset_underlays and not options.dry_run and folder_marks.is_own_install_base(layout.install):
         install_state.forget_underlays(layout.install)
     locked: tuple[Path, ...] = ()
@@ -140,13 +132,11 @@ def _load(
         surroundings = without_own(os.environ, layout)
         locked = build(Path.cwd(), find_underlays(surroundings, layout.install).chain, surroundings, options)
     variables = build_variables(layout, os.environ, options.rosdistro, locked)
-    warn(
-        (
-            *lost_underlays(layout.install, without_own(os.environ, layout)),
-            *unusable_overlays(layout.install, find_underlays(os.environ, layout.install).overlays),
-            *other_distributions(find_underlays(variables, layout.install).chain, variables[VARIABLE]),
-        )
-    )
+    if advice := own_plugin(OPTIONS, "advice-surroundings"):
+        overlays = find_underlays(os.environ, layout.install).overlays
+        underlays = replace(find_underlays(variables, layout.install), overlays=overlays)
+        outside = without_own(os.environ, layout)
+        warn(advice.about_underlays(layout.install, outside, underlays, variables[VARIABLE]))
     loaded = load_workspace(
         Path.cwd(),
         options.query,
@@ -249,17 +239,20 @@ def prepare(options: BuildOptions, layout: Layout, mode: BuildMode) -> PreparedB
     packages = [loaded.packages[name] for name in names]
     cmake = options.cmake
     cmake_args = (*cmake.cmake_args, *cmake.ament_cmake_args)
-    mode.warn(suspicious_arguments(cmake_args))
-    for package in packages:
-        words = (*package.option_values("cmake-args"), *package.option_values("ament-cmake-args"))
-        mode.warn(replace(each, location=Location(package.path)) for each in suspicious_arguments(words))
+    if advice := own_plugin(OPTIONS, "advice-cmake-arguments"):
+        mode.warn(advice.suspicious_arguments(cmake_args))
+        for package in packages:
+            words = (*package.option_values("cmake-args"), *package.option_values("ament-cmake-args"))
+            suspicious = advice.suspicious_arguments(words)
+            mode.warn(replace(each, location=Location(package.path)) for each in suspicious)
     if any(package.build_type in CMAKE_TYPES for package in packages):
         raise_if_any(unset_definitions(cmake_args))
     launcher = selected_launcher(cmake.compiler_launcher)
     tools = find_tools(packages, variables, launcher, has_compiler=cross is not None, cmake_args=cmake_args)
     chain = find_underlays(variables, layout.install).chain
     interpreter = find_interpreter(options.python, variables, chain, root=loaded.workspace.root)
-    mode.warn(other_than_recorded(install_state.recorded_python(layout.install), interpreter))
+    if advice := own_plugin(OPTIONS, "advice-surroundings"):
+        mode.warn(advice.other_interpreter(install_state.recorded_python(layout.install), interpreter))
     if cross and cross.python_version:
         interpreter = replace(interpreter, version=cross.python_version)
     shared_args = (*(cross.cmake_args if cross else ()), *cmake.cmake_args)
@@ -457,13 +450,11 @@ def without_own(variables: Mapping[str, str], layout: Layout) -> dict[str, str]:
 def require_packages(loaded: LoadedWorkspace) -> None:
     """Raise WorkspaceError if there are no packages at all, for example outside of a workspace."""
     if not loaded.workspace.packages:
-        from forge.workspace.ignoring import ignored_packages
-        from forge.workspace.missing import submodule_remedy, unchecked_submodules
-
         hint = "change to the root of the workspace, or create a package: forge pkg create my_package"
-        if empty := unchecked_submodules(loaded.workspace.root):
-            hint = submodule_remedy(empty)
-        elif any(ignored_packages(loaded.workspace.root, (os.curdir,), os.environ)):
+        advice, ignoring = own_plugin(OPTIONS, "missing-packages"), own_plugin(OPTIONS, "ignored-packages")
+        if advice and (empty := advice.unchecked_submodules(loaded.workspace.root)):
+            hint = advice.submodule_remedy(empty)
+        elif ignoring and any(ignoring.ignored_packages(loaded.workspace.root, (os.curdir,), os.environ)):
             hint = "packages are ignored; 'forge ignore' lists them, each with the file that hides it"
         problem = Problem(f"no packages found below '{loaded.workspace.root}'", hint=hint)
         raise WorkspaceError(problem)

@@ -3,4 +3,4 @@
 May import `base` and `interfaces`.
 """
 
-__all__ = ["install_state", "installed", "prefixes", "shells", "sourcing", "underlays"]
+__all__ = ["install_state", "installed", "prefixes", "shells", "sourcing"]

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from forge.base.colours import Palette, palette_of
+from forge.base.extensions import OPTIONS, own_plugin
 from forge.base.frozen import frozen
 from forge.base.layout import LAST_COMMAND
 from forge.base.signals import ignore_closed_output
@@ -20,7 +21,7 @@ from forge.base.text import Excerpt, counted, duration
 from forge.build.events import Aborted, Finished, Fresh, Output, Skipped, Started, StepFinished, StepStarted
 from forge.build.tasks import CACHED, NOT_CACHED, TEST_FAILURES, StepKind, environment_file, step_line
 from forge.cache.model import RESTORED
-from forge.toolchain.cmake_variables import UnusedVariables, probable_variable
+from forge.toolchain.cmake_variables import UnusedVariables
 from forge.workspace.model import CMAKE_TYPES
 
 if TYPE_CHECKING:
@@ -342,8 +343,9 @@ class ConsoleReporter:
         if own <= self._configured and (unused := self._unused.names):
             self._out(f"  CMake variables not used by any package: {' '.join(unused)}")
             hint = palette.paint("hint", "hint:")
-            for variable in unused:
-                if near := probable_variable(variable):
+            advice = own_plugin(OPTIONS, "advice-cmake-arguments")
+            for variable in unused if advice else ():
+                if advice and (near := advice.probable_variable(variable)):
                     self._out(f"  {hint} did you mean '{near}' instead of '{variable}'?")
 
     def _progress(self, line: str) -> None:

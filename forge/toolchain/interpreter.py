@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-import shlex
 import shutil
 import sys
 from collections.abc import Mapping, Sequence
@@ -141,15 +140,6 @@ def find_interpreter(
                 )
             )
     return interpreter
-
-
-def other_than_recorded(recorded: str | None, interpreter: Interpreter) -> tuple[Problem, ...]:
-    """Return a warning if the last build used another interpreter, which still exists."""
-    if recorded is None or Path(recorded) == interpreter.path:
-        return ()
-    message = f"the interpreter is now '{interpreter.path}' ({interpreter.origin}) instead of '{recorded}'"
-    hint = "packages that depend on it are rebuilt; to keep the old one, activate its environment or pass "
-    return (Problem(message, hint=f"{hint}--python {shlex.quote(recorded)}"),)
 
 
 def ask_python(path: Path, program: str, *arguments: str, isolated: bool = False) -> str:

@@ -31,7 +31,7 @@ from forge.workspace.model import (
     Package,
     Workspace,
 )
-from forge.workspace.overrides import Overrides
+from forge.workspace.overrides import NO_OVERRIDES, Overrides
 from forge.workspace.source_names import folders_to_search, is_environment, is_source_folder
 
 _GROUP_KINDS = frozenset({DependencyKind.BUILD, DependencyKind.BUILD_EXPORT, DependencyKind.EXEC})
@@ -50,7 +50,7 @@ def discover(
     variables: Mapping[str, str],
     *,
     paths: Iterable[str] = (),
-    overrides: Overrides | None = None,
+    overrides: Overrides = NO_OVERRIDES,
 ) -> Workspace:
     """Return the packages below the base paths and the packages in `paths`.
 
@@ -59,7 +59,6 @@ def discover(
     that does not exist contains no packages.
     """
     variables = {**ROS_DEFAULTS, "DISABLE_GROUPS_WORKAROUND": "1", **variables}
-    overrides = overrides or Overrides()
     has_overrides = bool(overrides.by_path or overrides.build_types)
     visited: set[tuple[int, int]] = set()  # with links, too, each folder is visited only once
     packages: dict[str, Package] = {}

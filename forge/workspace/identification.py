@@ -22,24 +22,27 @@ from forge.base.names import did_you_mean, is_safe_name
 from forge.workspace.identity import IGNORED, NOT_A_PACKAGE, Folder, Identity
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.model import Package
-from forge.workspace.overrides import COLCON_PKG, Overrides, with_overrides
+from forge.workspace.overrides import COLCON_PKG, NO_OVERRIDES, Overrides, with_overrides
 
 _NAME = re.compile(r"<name>\s*([\w.-]+)\s*</name>")
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
-ROS_IGNORE_FILES = ("AMENT_IGNORE", "CATKIN_IGNORE")
+_ROS_IGNORE_FILES = ("AMENT_IGNORE", "CATKIN_IGNORE")
+MARKS = (IGNORE_MARK, *_ROS_IGNORE_FILES)
+"""Files that hide a folder and everything below it."""
 FOREIGN_INSTALLS = ("_order_isolated_packages.py", "_setup_util.py")
 OWN_TYPES = frozenset({"cmake", "ros", *PACKAGE_FILES.values()})
 """The supported types in colcon.pkg and *.meta files, besides those that begin with 'ros.'."""
 PLAIN = frozenset({"CMakeLists.txt", *PACKAGE_FILES})
-MARKER_FILES = (
-    frozenset({IGNORE_MARK, *ROS_IGNORE_FILES, *FOREIGN_INSTALLS, COLCON_PKG, "package.xml", "manifest.xml"})
-    | PLAIN
-)
+MARKER_FILES = frozenset({*MARKS, *FOREIGN_INSTALLS, COLCON_PKG, "package.xml", "manifest.xml"}) | PLAIN
 """A folder without any of these names is not a package, unless a *.meta file declares it."""
 
 
 def identify(
-    root: Path, path: Path, entries: Collection[str], variables: Mapping[str, str], overrides: Overrides
+    root: Path,
+    path: Path,
+    entries: Collection[str],
+    variables: Mapping[str, str],
+    overrides: Overrides = NO_OVERRIDES,
 ) -> Identity:
     """Return the identity of the folder `path` below `root` with the names `entries`.
 
@@ -157,7 +160,7 @@ def _as_ros(folder: Folder, variables: Mapping[str, str]) -> Identity | None:
         return None
     any_build_type = folder.type in {None, "ros"}
     hidden = any_build_type and any(
-        (folder.absolute / mark).exists() for mark in ROS_IGNORE_FILES if mark in folder.entries
+        (folder.absolute / mark).exists() for mark in _ROS_IGNORE_FILES if mark in folder.entries
     )
     if not hidden and "package.xml" in folder.entries:
         package = read_package(folder.absolute, folder.display_path, variables)

@@ -13,6 +13,7 @@ from forge.base import ament_index
 from forge.base.distributions import distribution_hint, distribution_in, has_service_events, is_embedded
 from forge.base.env_vars import home
 from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
+from forge.base.extensions import OPTIONS, own_plugin
 from forge.base.frozen import frozen
 from forge.base.graph import closure, ordered_names
 from forge.base.layout import IGNORE_MARK
@@ -103,15 +104,10 @@ def load_workspace(
     ordered = ordered_names(resolution.needs)
 
     def hint_for(name: str) -> str | None:
-        from forge.workspace.ignoring import ignored_packages
-
         if name == os.curdir:
             return "'.' is the package around the current folder, which is in none"
-        for each in ignored_packages(root, query.search.base_paths, variables):
-            if each.name == name:
-                remedy = each.remedy or "forge ignore --list"
-                return f"'{each.path}' is left out because of '{each.file}': {remedy}"
-        return None
+        ignoring = own_plugin(OPTIONS, "ignored-packages")
+        return ignoring.hint_for(name, root, query.search.base_paths, variables) if ignoring else None
 
     selection, notes = select(query, ordered, resolution.needs, limits, every, hint_for)
     if not listing:

@@ -47,6 +47,9 @@ class Overrides:
         return self.by_path.get(os.path.realpath(folder), {}) if self.by_path else {}
 
 
+NO_OVERRIDES = Overrides()
+
+
 def read_overrides(root: Path, metas: Iterable[str], home: Path | None) -> Overrides:
     """Read the files below `home`/metadata, each of `metas`, and forge.toml.
 

@@ -1,6 +1,5 @@
 """Missing underlays, and packages that are also in an underlay."""
 
-import os
 import shutil
 from pathlib import Path
 
@@ -8,7 +7,6 @@ import pytest
 
 from forge.base.distributions import EMBEDDED
 from forge.environment.install_state import recorded_underlays
-from forge.environment.underlays import lost_underlays, overridden
 from tests.conftest import Forge, Tree
 from tests.installs import Made, make_install
 from tests.packages import manifest_text, write_files
@@ -18,36 +16,6 @@ LOST = (
     "warning: the underlay '{}' no longer exists: packages built on it may not run\n"
     "hint: restore it, or pass '--reset-underlays' to forget it\n"
 )
-
-
-def test_missing_prefixes_in_the_environment_are_reported(tmp_path: Path) -> None:
-    (tmp_path / "there").mkdir()
-    gone = [str(tmp_path / name) for name in ("a", "b", "c", "d", "e")]
-    variables = {"AMENT_PREFIX_PATH": ":".join([str(tmp_path / "there"), "", *gone])}
-    (problem,) = lost_underlays(tmp_path, variables)
-    listed = ", ".join(f"'{path}'" for path in gone[:3])
-    assert problem.message == f"'AMENT_PREFIX_PATH' names {listed} and 2 more, which do not exist"
-    root = tmp_path / "gone/install"  # an isolated underlay is reported once
-    prefixes = os.pathsep.join(f"{root}/{name}" for name in "abc")
-    (problem,) = lost_underlays(tmp_path, {"COLCON_PREFIX_PATH": f"{root}/", "AMENT_PREFIX_PATH": prefixes})
-    assert problem.message == f"'COLCON_PREFIX_PATH' names '{root}/', which does not exist"
-
-
-@pytest.mark.parametrize("merged", [False, True])
-def test_dependents_in_the_underlay_are_reported(merged: bool, tmp_path: Path) -> None:
-    made = [Made("base"), *(Made(name, ("base",)) for name in "vwxyz"), Made("deep", ("v",)), Made("lonely")]
-    root = make_install(tmp_path / "below", made, merged=merged).install
-    own, variables = tmp_path / "install", {"COLCON_PREFIX_PATH": str(root)}
-    (problem,) = overridden({"base", "lonely", "z"}, own, variables)
-    assert problem.message == (
-        f"'base' overrides the package in '{root}', on which 'v', 'w', 'x' and 1 more there depend"
-    )
-    (both,) = overridden({"base", "lonely", "v"}, own, variables)
-    assert both.message == (
-        f"'base', 'v' override the packages in '{root}', on which 'deep', 'w', 'x' and 2 more there depend"
-    )
-    assert list(overridden({"base", "deep", *"vwxyz"}, own, variables)) == []
-    assert list(overridden({"mine"}, own, variables)) == []
 
 
 @pytest.mark.parametrize("ours", [True, False])

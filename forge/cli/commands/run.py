@@ -14,6 +14,7 @@ from pathlib import Path
 from types import FrameType
 
 from forge.base.errors import ForgeError, HostError, Problem, reason_of
+from forge.base.extensions import OPTIONS, own_plugin
 from forge.base.frozen import frozen
 from forge.base.layout import forge_command
 from forge.base.options import option
@@ -73,8 +74,9 @@ def run(options: Options) -> int:
         raise ForgeError(Problem("missing argument EXECUTABLE", hint=hint))
     matches = [path for path in paths if path.name == (name or "x")]
     if not matches:
-        hint = installed.missing_executable_hint(package, name or "x", prefix, paths)
-        raise ForgeError(Problem("no executable found", hint=hint))
+        advice = own_plugin(OPTIONS, "advice-executables")
+        remedy = advice.missing_executable_hint(package, name or "x", prefix, paths) if advice else None
+        raise ForgeError(Problem("no executable found", hint=remedy))
     if len(matches) > 1:
         listing = "".join(f"\n- {path}" for path in matches)
         raise ForgeError(Problem(f"multiple executables found:{listing}"))

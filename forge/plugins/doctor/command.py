@@ -10,6 +10,7 @@ from pathlib import Path
 
 from forge.base.colours import palette_of
 from forge.base.errors import ForgeError
+from forge.base.extensions import OPTIONS, own_plugin
 from forge.base.frozen import frozen
 from forge.base.layout import Layout
 from forge.base.options import flag, option, options_of
@@ -22,7 +23,6 @@ from forge.plugins.doctor import machine, naming, packages, programs, surroundin
 from forge.plugins.doctor.model import CheckContext, CheckResult, files_of
 from forge.plugins.doctor.report import lines, plain
 from forge.workspace.load import load_workspace
-from forge.workspace.missing import missing_dependencies
 from forge.workspace.selection import Query
 
 _ANYWHERE = (
@@ -87,7 +87,8 @@ def _load(root: Path, layout: Layout, options: Options) -> tuple[CheckResult, Ch
     except ForgeError as error:
         return CheckResult("workspace", "cannot be loaded", errors=error.problems), bare
     names = loaded.selection.names
-    missing = missing_dependencies(loaded.resolution, names)
+    advice = own_plugin(OPTIONS, "missing-packages")
+    missing = advice.missing_dependencies(loaded.resolution, names) if advice else ()
     own = sum(not loaded.resolution.packages[name].embedded for name in names)
     others = f", and {len(names) - own} embedded in forge" if own < len(names) else ""
     summary = f"{counted(own, 'package')}{others}" if own else "no packages found"

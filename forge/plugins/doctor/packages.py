@@ -11,10 +11,10 @@ from contextlib import suppress
 from pathlib import Path, PurePath
 
 from forge.base.errors import GroupedProblems, Location, Problem, Severity
+from forge.base.extensions import OPTIONS, own_plugin
 from forge.base.frozen import frozen
 from forge.base.graph import closure
 from forge.environment.prefixes import installed_packages
-from forge.environment.underlays import overridden
 from forge.plugins.doctor.model import CheckContext, CheckResult
 from forge.workspace.cmake_text import calls, package_references
 from forge.workspace.discovery import discover_embedded
@@ -83,8 +83,10 @@ def declarations(subject: CheckContext) -> CheckResult:
 
 def shadows(subject: CheckContext) -> CheckResult:
     """Find packages and Python modules that hide others with the same name."""
-    warnings = [*overridden(subject.packages, subject.layout.install, subject.variables)]
-    warnings += _clashing_modules(subject)
+    warnings = [*_clashing_modules(subject)]
+    if advice := own_plugin(OPTIONS, "advice-surroundings"):
+        overridden = advice.overridden(subject.packages, subject.layout.install, subject.variables)
+        warnings = [*overridden, *warnings]
     notes = _hidden_packages(subject)
     summary = f"{len(warnings)} hide others" if warnings else "no package hides another"
     return CheckResult("shadows", summary, warnings=tuple(warnings), notes=tuple(notes))

@@ -9,11 +9,12 @@ import subprocess
 from collections.abc import Iterator, Sequence
 
 from forge.base.errors import GroupedProblems, HostError, Location, Problem, reason_of
+from forge.base.extensions import OPTIONS, own_plugin
 from forge.base.own_environment import extra_command, install_beside_forge
 from forge.environment.install_state import recorded_python
 from forge.environment.shells import SHELLS
 from forge.plugins.doctor.model import CheckContext, CheckResult, graded
-from forge.toolchain.interpreter import ask_python, find_interpreter, other_than_recorded
+from forge.toolchain.interpreter import ask_python, find_interpreter
 from forge.toolchain.languages import compiled_packages
 from forge.toolchain.programs import (
     COMPILERS,
@@ -148,7 +149,9 @@ def python(subject: CheckContext) -> CheckResult:
             errors.append(Problem(f"'{package.name}' needs {which}", place, hint))
     summary = f"{traits['version']} ({interpreter.path}, {interpreter.origin}), "
     summary += f"setuptools {setuptools or 'bundled with forge'}"
-    warnings = other_than_recorded(recorded_python(subject.layout.install), interpreter)
+    advice = own_plugin(OPTIONS, "advice-surroundings")
+    recorded = recorded_python(subject.layout.install)
+    warnings = tuple(advice.other_interpreter(recorded, interpreter)) if advice else ()
     return CheckResult("python", summary, errors=tuple(errors), warnings=warnings)
 
 

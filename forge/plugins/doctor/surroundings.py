@@ -5,19 +5,18 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from pathlib import Path
 
 from forge.base.distributions import VARIABLE
 from forge.base.env_vars import expand_home
-from forge.base.errors import HostError, Location, Problem, WorkspaceError
+from forge.base.errors import HostError, Location, Problem
+from forge.base.extensions import OPTIONS, own_plugin
 from forge.base.files import text_or_nothing
 from forge.base.layout import INSTALL_STATE_FILE, LAYOUT_MARKER
 from forge.base.text import listed
 from forge.build.folder_marks import foreign_build, other_layout
 from forge.environment.install_state import recorded_underlays, underlays_of
 from forge.environment.prefixes import SYSTEM, installed_packages, provider
-from forge.environment.underlays import lost_underlays, other_distributions, unusable_overlays
 from forge.plugins.doctor.model import CheckContext, CheckResult
 from forge.toolchain.interpreter import find_interpreter
 from forge.workspace.resolve import is_ros_name, resembles_ros_name
@@ -32,10 +31,10 @@ _CACHE_HOME = re.compile(r"^CMAKE_HOME_DIRECTORY:INTERNAL=(.*)$", re.MULTILINE)
 def underlays(subject: CheckContext) -> CheckResult:
     """Check that each sourced workspace exists, is complete, and in order."""
     chain = subject.underlays.chain
-    warnings = [*lost_underlays(subject.layout.install, subject.variables)]
-    with suppress(WorkspaceError):  # an invalid record, which `results` reports
-        warnings += unusable_overlays(subject.layout.install, subject.underlays.overlays)
-    warnings += other_distributions(chain, subject.variables.get(VARIABLE, ""))
+    warnings: list[Problem] = []
+    if advice := own_plugin(OPTIONS, "advice-surroundings"):
+        install, rosdistro = subject.layout.install, subject.variables.get(VARIABLE, "")
+        warnings += advice.about_underlays(install, subject.variables, subject.underlays, rosdistro)
     notes: list[Problem] = []
     sourced = {root.resolve() for root in chain}
     for root in chain:
@@ -48,12 +47,7 @@ def underlays(subject: CheckContext) -> CheckResult:
         is_complete = all(below.resolve() in sourced for below in underlays_of(root))
         (notes if is_complete else warnings).extend(_missing_dependencies(root, subject))
     for place, root in enumerate(chain):
-        try:
-            below = recorded_underlays(root)
-        except WorkspaceError as error:
-            warnings += error.problems
-            continue
-        for other in below:
+        for other in recorded_underlays(root):
             if other in chain[place + 1 :]:
                 message = f"'{root}' was built on '{other}', but is sourced before it"
                 warnings.append(Problem(message, hint=f"in a new terminal, source '{other}' first"))

@@ -17,7 +17,7 @@ from forge.base.text import counted, listed
 from forge.build.folder_marks import is_own_ignore_mark
 from forge.cli.config import option_files
 from forge.cli.options import displayed
-from forge.workspace.ignoring import IgnoredPackage, ignored_packages
+from forge.plugins.ignore.ignoring import IgnoredPackage, ignored_packages
 from forge.workspace.load import find_packages
 from forge.workspace.model import Workspace
 from forge.workspace.selection import Query, SearchPaths

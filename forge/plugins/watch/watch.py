@@ -26,8 +26,7 @@ from forge.build.inputs.fingerprints import file_state, source_folders
 from forge.cli.preparation import BuildMode, forge_stamp
 from forge.environment.sourcing import clear_edit_cache
 from forge.workspace.forge_toml import FORGE_TOML
-from forge.workspace.identification import MARKER_FILES
-from forge.workspace.ignoring import MARKS
+from forge.workspace.identification import MARKER_FILES, MARKS
 from forge.workspace.load import find_packages
 from forge.workspace.model import PYTHON_TYPES
 from forge.workspace.resolve import INTERFACE_GROUP

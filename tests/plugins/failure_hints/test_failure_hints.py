@@ -18,8 +18,8 @@ from forge.plugins.failure_hints.hints import (
     hint_in,
     used_by_tests_only,
 )
+from forge.plugins.failure_hints.missing import whereabouts
 from forge.workspace.manifest import parse_manifest
-from forge.workspace.missing import whereabouts
 from forge.workspace.model import Package
 from tests.conftest import Tree
 from tests.packages import manifest_text, package

@@ -8,7 +8,6 @@ from forge.base.errors import HostError
 from forge.toolchain.interpreter import (
     Interpreter,
     find_interpreter,
-    other_than_recorded,
     own_path,
 )
 from tests.conftest import Tree
@@ -236,16 +235,3 @@ def test_a_missing_interpreter_is_reported_with_a_hint(
     with pytest.raises(HostError) as caught:
         find_interpreter(python, variables)
     assert str(caught.value) == message
-
-
-def test_a_changed_interpreter_is_reported_with_the_option_that_restores_it() -> None:
-    """Usually, the user forgot to activate an environment."""
-    now = Interpreter(Path("/usr/bin/python3"), (3, 11), "'python3' on PATH")
-    assert other_than_recorded(None, now) == other_than_recorded("/usr/bin/python3", now) == ()
-    (problem,) = other_than_recorded("/a b/bin/python3", now)
-    assert problem.render("warning") == (
-        "warning: the interpreter is now '/usr/bin/python3' ('python3' on PATH) instead of "
-        "'/a b/bin/python3'\n"
-        "hint: packages that depend on it are rebuilt; to keep the old one, activate its environment or "
-        "pass --python '/a b/bin/python3'"
-    )

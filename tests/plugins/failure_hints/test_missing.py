@@ -4,8 +4,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from forge.base.errors import Problem
+from forge.plugins.failure_hints.missing import missing_dependencies
 from forge.workspace.manifest import parse_manifest
-from forge.workspace.missing import missing_dependencies
 from forge.workspace.model import Package
 from forge.workspace.resolve import resolve_dependencies
 from tests.conftest import Tree
@@ -97,3 +97,13 @@ def test_group_dependencies_use_the_existing_members() -> None:
     switch = replace(switch, manifest=replace(switch.manifest, group_dependencies=("rmw_packages",)))
     missing = missing_in(switch, package("rmw_one"))
     assert beginnings(missing) == ["'switch' needs 'rmw_two'"]
+
+
+def test_an_embedded_package_that_cannot_be_used_is_reported_with_the_reason() -> None:
+    resolution = resolve_dependencies({"a": package("a", "ament_cmake_auto")}, {}, lambda _: None)
+    (warning,) = missing_dependencies(replace(resolution, withheld={"ament_cmake_auto": "of that"}), ["a"])
+    assert warning.message == (
+        "'a' needs 'ament_cmake_auto', which is neither in the workspace nor in a sourced underlay; "
+        "the embedded packages cannot be used, because of that"
+    )
+    assert str(warning.hint).startswith("add 'ament_cmake_auto' from the same source")

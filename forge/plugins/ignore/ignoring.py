@@ -8,12 +8,8 @@ from pathlib import Path
 from forge.base.frozen import frozen
 from forge.base.layout import BUILT_BY, IGNORE_MARK, LAYOUT_MARKER
 from forge.workspace.discovery import ROS_DEFAULTS
-from forge.workspace.identification import ROS_IGNORE_FILES, identify
-from forge.workspace.overrides import Overrides
+from forge.workspace.identification import MARKS, identify
 from forge.workspace.source_names import folders_to_search
-
-MARKS = (IGNORE_MARK, *ROS_IGNORE_FILES)
-"""Files that hide a folder and everything below it."""
 
 
 @frozen
@@ -36,6 +32,15 @@ class IgnoredPackage:
         return f"forge ignore --undo {self.name if self.file.parent == self.path else self.file.parent}"
 
 
+def hint_for(name: str, root: Path, base_paths: Iterable[str], variables: Mapping[str, str]) -> str | None:
+    """Return what hides a package, and the command that finds it again; None if nothing hides it."""
+    for each in ignored_packages(root, base_paths, variables):
+        if each.name == name:
+            remedy = each.remedy or "forge ignore --list"
+            return f"'{each.path}' is left out because of '{each.file}': {remedy}"
+    return None
+
+
 def ignored_packages(
     root: Path, base_paths: Iterable[str], variables: Mapping[str, str]
 ) -> Iterator[IgnoredPackage]:
@@ -56,7 +61,7 @@ def ignored_packages(
             path = Path(base, folder[len(top) :].lstrip("/"))
             mark = next((name for name in MARKS if name in entries), None)
             file = hidden.get(path.parent) or (path / mark if mark else None)
-            package = identify(root, path, entries.keys() - {*MARKS}, variables, Overrides()).package
+            package = identify(root, path, entries.keys() - {*MARKS}, variables).package
             if package is not None and file is not None and (package.ros or file.name in MARKS):
                 yield IgnoredPackage(package.name, path, file)
             if file is None and package is not None:

@@ -1,0 +1,1 @@
+"""Warnings about underlays, the interpreter and CMake arguments, and why a package lacks an executable."""
