@@ -94,6 +94,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "compiler-launcher": "forge.plugins.compiler_launchers.statistics",
         "explain": "forge.plugins.explain.explain",
         "ignored-packages": "forge.plugins.ignore.ignoring",
+        "library-abi": "forge.plugins.library_abi.relinking",
         "missing-packages": "forge.plugins.failure_hints.missing",
         "mixin": "forge.plugins.mixins.mixins",
         "package-memory": "forge.plugins.package_memory.measuring",

@@ -7,6 +7,7 @@ or `cli`.
 """
 
 __all__ = [
+    "build_dir",
     "build_types",
     "cleaning",
     "copies",
@@ -15,12 +16,14 @@ __all__ = [
     "inputs",
     "installation",
     "installed_lists",
+    "installed_states",
     "journal",
     "model",
     "observed_writes",
     "preflight",
     "recipes",
     "records",
+    "reuse",
     "state",
     "tasks",
     "tests",

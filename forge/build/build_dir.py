@@ -60,21 +60,16 @@ from forge.build.reuse import (
     is_known,
     restorable_outputs,
     with_all_written,
-    would_only_link,
 )
-from forge.build.up_to_date import changed_input
 from forge.engine.accesses import NOT_OBSERVED, Accesses, ObservedCommands
 from forge.engine.commands import Folders, commands_of
 from forge.engine.world import PACKAGE_FOUND, PROCESSOR, World
-from forge.workspace.model import CMAKE_TYPES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping
 
     from forge.build.installed_states import InstalledStates
-    from forge.build.model import BuildRecord
     from forge.build.observed_writes import ObservedSteps
-    from forge.build.tasks import Task
     from forge.engine.observation import Process
 
 _GENERATED = (
@@ -277,27 +272,6 @@ def dependency_changes(
                 return None
             changes |= package_changes
     return changes
-
-
-def relinking_is_redundant(
-    task: Task, record: BuildRecord, needs: Mapping[str, str], states: InstalledStates
-) -> bool:
-    """Return True if building a task would only link it with shared libraries whose interfaces are unchanged.
-
-    All installed files of the package would stay the same, byte for byte. `record` describes its last,
-    successful build. `needs` has a digest of each dependency's installed files.
-    """
-    only_needs_changed = changed_input(replace(task.inputs, needs=record.inputs.needs), record.inputs) is None
-    if task.package.build_type not in CMAKE_TYPES or not only_needs_changed:
-        return False
-    last = read_record(task.build_dir)
-    if last is None or not last.complete or last.saved or last.needs.keys() != needs.keys():
-        return False
-    changed = [(name, last.needs[name], needs[name]) for name in needs if last.needs[name] != needs[name]]
-    if not changed or not all(states.only_library_code_changed(*each) for each in changed):
-        return False
-    needed = dependency_changes(last.needs, needs, states)
-    return needed is not None and would_only_link(read_native_graph(task.build_dir), needed, last.commands)
 
 
 def _externals_changed(build: Path, last: FolderRecord, graph: NativeGraph, table: FileTable) -> bool:

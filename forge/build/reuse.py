@@ -153,23 +153,6 @@ def with_all_written(graph: NativeGraph, dropped: frozenset[str], seen: Observed
     return frozenset(more)
 
 
-def would_only_link(graph: NativeGraph, needed: Changes, seen: ObservedCommands) -> bool:
-    """Return True if a change of shared libraries only requires linking again.
-
-    `needed` are the changes of installed files. False if anything else read them, or if some process was not
-    observed.
-    """
-    if graph.tool != "ninja" or needed.names or seen.configure is None or seen.rest is None:
-        return False
-    edges = [edge for edge in graph.edges if edge.outputs[0] in seen.edges]
-    others = (
-        seen.configure,
-        seen.rest,
-        *(seen.edges[edge.outputs[0]] for edge in edges if not edge.links_dynamically),
-    )
-    return not any(each.blind or is_affected(each, seen, needed) for each in others)
-
-
 def restorable_outputs(
     graph: NativeGraph, dropped: frozenset[str], seen: ObservedCommands
 ) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from forge.base.extensions import OPTIONS, find, is_installed
 from forge.base.files import remove_drafts
 from forge.base.layout import FILE_TABLE, Layout
 from forge.build.events import Event, Finished, Fresh
@@ -107,11 +108,12 @@ class BuildState:
             return decided
         if changed_input(decided.inputs, record.inputs) is None:
             return None
-        from forge.build.build_dir import relinking_is_redundant
-
+        if not is_installed(OPTIONS, "library-abi"):
+            return decided
         records = self.journal.records
         needs = {need: records[need].installed.digest if need in records else UNKNOWN for need in task.needs}
-        if not relinking_is_redundant(decided, record, needs, self.installed_states):
+        plugin = find(OPTIONS, "library-abi", "option")
+        if not plugin.relinking_is_redundant(decided, record, needs, self.installed_states):
             return decided
         self.journal.set_record(task.name, replace(record, inputs=decided.inputs))
         return None

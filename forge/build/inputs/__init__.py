@@ -1,3 +1,3 @@
 """Inputs of a build: sources, headers, programs and variables, as comparable stats and digests."""
 
-__all__ = ["elf_abi", "fingerprints", "native_graph"]
+__all__ = ["elf", "fingerprints", "native_graph"]

@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any
 from forge.base.files import BYTECODE, capabilities
 from forge.base.frozen import frozen
 from forge.base.layout import BACKUP_DIR, INSTALLED_LISTS_DIR, Layout
-from forge.build.inputs.elf_abi import linked_parts
 from forge.cache.model import Digest
 from forge.plugins.package_cache.folder_store import copy_bytes
+from forge.plugins.package_cache.linked_parts import linked_parts
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
