@@ -99,6 +99,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "mixin": "forge.plugins.mixins.mixins",
         "package-memory": "forge.plugins.package_memory.measuring",
         "packages-select-changed": "forge.plugins.git_changes.changes",
+        "partial-install": "forge.plugins.partial_installs.changes",
         "python-pitfalls": "forge.plugins.pyproject.pitfalls",
         "retest-until-pass": "forge.plugins.flaky_tests.retests",
         "single-tests": "forge.plugins.single_tests.selection",

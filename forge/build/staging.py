@@ -16,12 +16,13 @@ import json
 import os
 import shutil
 import stat
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from forge.base.errors import Problem
+from forge.base.extensions import OPTIONS, find, is_installed
 from forge.base.files import (
     BYTECODE,
     DRAFT,
@@ -35,7 +36,6 @@ from forge.base.files import (
 from forge.base.layout import INSTALLED_STATES_DIR, SCRATCH_DIR, Layout
 from forge.base.text import digest
 from forge.build.copies import is_folder, is_same_file, status_of
-from forge.build.install_scripts import InstalledEntry, folder_modes, installed_entries, read_install_scripts
 from forge.build.installation import InstalledFiles
 from forge.build.installed_lists import (
     MANIFESTS,
@@ -236,57 +236,22 @@ def next_install(step: Step, task: Task) -> Step:
     In a stage, it installs only what changed since the last build if this can be derived from CMake's
     scripts, else everything.
     """
-    build = task.build_dir
-    notes, following = _notes_file(build), build / SCRATCH_DIR / _NEXT
-    scripts = read_install_scripts(build) if step.argv[1:2] == ("--install",) else None
-    entries = installed_entries(scripts.rules) if scripts and scripts.rules is not None else None
-    now: dict[str, Any] = {"scripts": digest(scripts.digest if scripts else "", *map("=".join, step.env))}
-    now["code"] = not step.prefix and (scripts is None or scripts.rules is None)
-    if entries is not None and scripts and scripts.rules is not None:
-        now["sources"] = {path: entry.state for path, entry in entries.items()}
-        now["modes"] = folder_modes(scripts.rules)
-    changed = _changed(read_json(notes), now) if step.stage else None
-    following.parent.mkdir(parents=True, exist_ok=True)
-    replace_file(following, json.dumps({**now, "partial": changed is not None}).encode())
+    scratch, notes = task.build_dir / SCRATCH_DIR, read_json(_notes_file(task.build_dir))
+    now: dict[str, Any] = {"scripts": digest("", *map("=".join, step.env)), "code": not step.prefix}
+    code = None
+    if step.argv[1:2] == ("--install",) and is_installed(OPTIONS, "partial-install"):
+        plugin = find(OPTIONS, "partial-install", "option")
+        now, code = plugin.partial_install(task.build_dir, step.env, notes if step.stage else {})
+    scratch.mkdir(parents=True, exist_ok=True)
+    replace_file(scratch / _NEXT, json.dumps({**now, "partial": code is not None}).encode())
     if step.stage and step.prefix:
         words = (str(step.stage) if word == str(step.prefix) else word for word in step.argv)
         return replace(step, argv=tuple(words))
-    if changed is None or entries is None or scripts is None:
+    if code is None:
         return step
-    script = build / SCRATCH_DIR / _CHANGED
-    text = "".join((scripts.prologue, *_calls_for(changed, entries)))
-    replace_file(script, text.encode(errors="surrogateescape"))
-    return replace(step, argv=(step.argv[0], f"-DCMAKE_INSTALL_PREFIX={task.prefix}", "-P", str(script)))
-
-
-def _changed(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str] | None:
-    """Return the installed paths whose sources have changed; None if anything else may be different."""
-    then, current = before.get("sources"), now.get("sources")
-    if not (then and current) or before["scripts"] != now["scripts"] or then.keys() != current.keys():
-        return None
-    if before.get("modes") != now["modes"]:
-        return None
-    # Excluded files were not installed either.
-    installed = {*before["files"], *(folder.rstrip("/") for folder in before["folders"])}
-    if not installed <= current.keys():  # such as a link to a folder, which is installed as a link
-        return None
-    return [path for path, state in current.items() if then[path] != state and path in installed]
-
-
-def _calls_for(changed: Iterable[str], entries: Mapping[str, InstalledEntry]) -> Iterator[str]:
-    """Yield the CMake code that installs some files; rules other than plain copies keep their block."""
-    blocks = dict[str, None]()
-    for path in changed:
-        rule, source = entries[path].rule, entries[path].source
-        if not rule.is_copy or rule.options or rule.kind not in {"FILE", "DIRECTORY"}:
-            blocks[rule.block] = None
-            continue
-        folder, _, name = path.rpartition("/")
-        renamed = f' RENAME "{name}"' if rule.name else ""
-        where = f'"${{CMAKE_INSTALL_PREFIX}}/{folder}"'
-        kind = "DIRECTORY" if is_folder(source) else "FILE"
-        yield f'file(INSTALL DESTINATION {where} TYPE {kind}{renamed} FILES "{source}")\n'
-    yield from blocks
+    replace_file(scratch / _CHANGED, code.encode(errors="surrogateescape"))
+    argv = (step.argv[0], f"-DCMAKE_INSTALL_PREFIX={task.prefix}", "-P", str(scratch / _CHANGED))
+    return replace(step, argv=argv)
 
 
 # After the steps

@@ -11,11 +11,11 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from forge.base.errors import HostError, Location, Problem, WorkspaceError, raise_if_any
+from forge.base.errors import HostError, Location, Problem, WorkspaceError
 from forge.base.extensions import OPTIONS, find, is_installed
 from forge.base.files import (
     delete_tree,
@@ -23,14 +23,12 @@ from forge.base.files import (
     read_file,
     replace_file,
     text_if_exists,
-    text_or_nothing,
 )
 from forge.base.formats import read_toml
 from forge.base.frozen import frozen
 from forge.base.layout import PACKAGE, SCRATCH_DIR
 from forge.base.options import flag, option
 from forge.build.copies import is_folder
-from forge.build.inputs.fingerprints import source_files
 from forge.build.observed_writes import note_start, note_written
 from forge.build.wheels import setup_install
 from forge.toolchain.python_modules import install_command, setuptools_path
@@ -41,10 +39,6 @@ INSTALL_LOG = "install.log"
 """The record of setuptools, in the same file as with colcon."""
 TARGET_PYTHON = "/usr/bin/python3"
 """The interpreter in the first line of scripts for another platform."""
-_NOT_UTF8 = "surrogates not allowed"
-"""The text of Python's error for a name that is not UTF-8."""
-_OF_ENTRY_POINT = re.compile(r"Pair\.__new__|entry.?point|in script names", re.IGNORECASE)
-"""The errors of setuptools for an invalid entry point."""
 _SITECUSTOMIZE = """\
 # For Python programs that a setup.py starts: as with colcon, sys.prefix is that of the package.
 import os, sys
@@ -233,27 +227,15 @@ class Backend:
             check=False,
         )
         self.output += done.stdout
-        source, progress, failure = Path(cwd or "."), done.stdout, ""
+        progress, failure = done.stdout, ""
         if done.returncode:
-            if _NOT_UTF8 in done.stdout:
-                raise_if_any(_non_utf8_names(source), WorkspaceError)
-            if _OF_ENTRY_POINT.search(done.stdout) and (pitfalls := find_pitfalls()):
-                raise_if_any(pitfalls.invalid_scripts_of_setup(source / "setup.py"), WorkspaceError)
-            progress, failure = progress_and_failure(done.stdout, source / "setup.py")
+            pitfalls, source = find_pitfalls(), Path(cwd or ".")
+            progress, failure = (
+                pitfalls.progress_and_failure(done.stdout, source) if pitfalls else ("", done.stdout)
+            )
         print(progress, end="", flush=True)
         print(failure, end="", file=sys.stderr)
         done.check_returncode()
-
-
-def _non_utf8_names(source: Path) -> Iterator[Problem]:
-    """Yield a problem for each file whose name is not UTF-8, which a wheel cannot contain."""
-    for path in source_files(str(source)):
-        name = os.path.relpath(path, source)
-        if not name.isascii() and name != name.encode(errors="replace").decode():
-            hint = "rename it, or remove it from 'package_data' and 'data_files'"
-            yield Problem(
-                f"the file name {os.fsencode(name)!r} is not UTF-8, as wheels require", Location(source), hint
-            )
 
 
 def build_system(source: Path) -> dict[str, Any]:
@@ -273,46 +255,3 @@ def build_system(source: Path) -> dict[str, Any]:
 DISK_FULL = re.compile(
     r"\[Errno (?:28|122)\]|: (?:No space left on device|Disk quota exceeded)$", re.MULTILINE
 )
-_FAILED_WRITE = re.compile(
-    r"^(?:Traceback \(most recent call last\):\n(?:  .*\n)+"
-    r"|Exception ignored in: .*\n|\w*[eE]rror: \[Errno .*\n)",
-    re.MULTILINE,
-)
-_OF_SETUPTOOLS = re.compile(r"^running (?:bdist_wheel|install|egg_info)$", re.MULTILINE)
-_PROGRESS = re.compile(
-    r"^(?:running [a-z_]+|(?:creating|writing|reading|adding|removing|installing|byte-compiling) .*"
-    r"|(?:copying|copying and adjusting|moving|hard linking) .* -> .*"
-    r"|warning: \w+: byte-compiling is disabled, skipping\.\n?)\n",
-    re.MULTILINE,
-)
-"""Progress messages of setuptools, which are omitted from the output of a failed backend."""
-_CODE = r"(?:    .*\n)*"
-_OUTER_FRAMES = re.compile(
-    r"^(Traceback \(most recent call last\):\n)"
-    rf'(?:  File ".*(?:setup_install|_in_process|setuptools/build_meta)\.py", .*\n{_CODE})+'
-    r'(?:  File "(?:<string>|setup\.py)", line (\d+), in <module>\n'
-    rf"({_CODE})|(?=  File ))",
-    re.MULTILINE,
-)
-"""The stack frames that start a backend, and the frame of setup.py, whose name may be missing."""
-
-
-def progress_and_failure(output: str, setup: Path) -> tuple[str, str]:
-    """Return the progress messages of setuptools, and the remaining output of a failed backend.
-
-    Tracebacks start in the package's setup.py, or in the backend, not in the code that starts it.
-    """
-    progress = "".join(_PROGRESS.findall(output)) if _OF_SETUPTOOLS.search(output) else ""
-    failure = _PROGRESS.sub("", output) if progress else output
-    if DISK_FULL.search(output):
-        return progress, _FAILED_WRITE.sub("", failure)
-    lines = text_or_nothing(setup).splitlines()
-
-    def shortened(match: re.Match[str]) -> str:
-        title, line, code = match.groups()
-        if line is None:
-            return title
-        source = "".join(f"    {text.strip()}\n" for text in lines[int(line) - 1 : int(line)])
-        return f'{title}  File "{setup}", line {line}, in <module>\n{code or source}'
-
-    return progress, _OUTER_FRAMES.sub(shortened, failure)

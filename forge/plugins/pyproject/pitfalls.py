@@ -1,12 +1,14 @@
 """Detect mistakes in Python packages that build backends do not report and that fail at run time.
 
-Entry points of scripts that are not NAME = MODULE:FUNCTION are reported with their location.
+Entry points of scripts that are not NAME = MODULE:FUNCTION are reported with their location. The output of a
+failed backend is shortened to the failure.
 """
 
 from __future__ import annotations
 
 import ast
 import configparser
+import os
 import re
 import sys
 from collections.abc import Iterator, Sequence
@@ -15,6 +17,8 @@ from pathlib import Path
 from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
 from forge.base.files import read_file, text_or_nothing
 from forge.base.names import did_you_mean
+from forge.build.inputs.fingerprints import source_files
+from forge.build.wheels.backends import DISK_FULL
 
 _VERSION = re.compile(r"python3\.(\d+)")
 _POINT = re.compile(r"([\w.]+)\s*:\s*(\w+)")
@@ -206,3 +210,69 @@ def _place(source: Path, name: str, target: str) -> Location:
         if written.search(line):
             return Location(path, number, source=line)
     return Location(path)
+
+
+_NOT_UTF8 = "surrogates not allowed"
+"""The text of Python's error for a name that is not UTF-8."""
+_OF_ENTRY_POINT = re.compile(r"Pair\.__new__|entry.?point|in script names", re.IGNORECASE)
+"""The errors of setuptools for an invalid entry point."""
+_FAILED_WRITE = re.compile(
+    r"^(?:Traceback \(most recent call last\):\n(?:  .*\n)+"
+    r"|Exception ignored in: .*\n|\w*[eE]rror: \[Errno .*\n)",
+    re.MULTILINE,
+)
+_OF_SETUPTOOLS = re.compile(r"^running (?:bdist_wheel|install|egg_info)$", re.MULTILINE)
+_PROGRESS = re.compile(
+    r"^(?:running [a-z_]+|(?:creating|writing|reading|adding|removing|installing|byte-compiling) .*"
+    r"|(?:copying|copying and adjusting|moving|hard linking) .* -> .*"
+    r"|warning: \w+: byte-compiling is disabled, skipping\.\n?)\n",
+    re.MULTILINE,
+)
+"""Progress messages of setuptools, which are omitted from the output of a failed backend."""
+_CODE = r"(?:    .*\n)*"
+_OUTER_FRAMES = re.compile(
+    r"^(Traceback \(most recent call last\):\n)"
+    rf'(?:  File ".*(?:setup_install|_in_process|setuptools/build_meta)\.py", .*\n{_CODE})+'
+    r'(?:  File "(?:<string>|setup\.py)", line (\d+), in <module>\n'
+    rf"({_CODE})|(?=  File ))",
+    re.MULTILINE,
+)
+"""The stack frames that start a backend, and the frame of setup.py, whose name may be missing."""
+
+
+def progress_and_failure(output: str, source: Path) -> tuple[str, str]:
+    """Return the progress messages of setuptools, and the remaining output of a failed backend.
+
+    Tracebacks start in the package's setup.py, or in the backend, not in the code that starts it. Raises
+    WorkspaceError for invalid entry points and file names.
+    """
+    setup = source / "setup.py"
+    if _NOT_UTF8 in output:
+        raise_if_any(_non_utf8_names(source), WorkspaceError)
+    if _OF_ENTRY_POINT.search(output):
+        raise_if_any(invalid_scripts_of_setup(setup), WorkspaceError)
+    progress = "".join(_PROGRESS.findall(output)) if _OF_SETUPTOOLS.search(output) else ""
+    failure = _PROGRESS.sub("", output) if progress else output
+    if DISK_FULL.search(output):
+        return progress, _FAILED_WRITE.sub("", failure)
+    lines = text_or_nothing(setup).splitlines()
+
+    def shortened(match: re.Match[str]) -> str:
+        title, line, code = match.groups()
+        if line is None:
+            return title
+        source = "".join(f"    {text.strip()}\n" for text in lines[int(line) - 1 : int(line)])
+        return f'{title}  File "{setup}", line {line}, in <module>\n{code or source}'
+
+    return progress, _OUTER_FRAMES.sub(shortened, failure)
+
+
+def _non_utf8_names(source: Path) -> Iterator[Problem]:
+    """Yield a problem for each file whose name is not UTF-8, which a wheel cannot contain."""
+    for path in source_files(str(source)):
+        name = os.path.relpath(path, source)
+        if not name.isascii() and name != name.encode(errors="replace").decode():
+            hint = "rename it, or remove it from 'package_data' and 'data_files'"
+            yield Problem(
+                f"the file name {os.fsencode(name)!r} is not UTF-8, as wheels require", Location(source), hint
+            )

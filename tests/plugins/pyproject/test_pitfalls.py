@@ -152,3 +152,33 @@ def test_a_script_with_a_path_as_its_name_is_rejected(tree: Tree, capfd: pytest.
     assert install(root) == 2
     assert "contains a path separator" in capfd.readouterr().err
     assert not list(root.rglob("away"))
+
+
+def test_the_traceback_of_a_setup_py_omits_internal_frames(
+    tree: Tree, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Neither forge nor setuptools is the reason."""
+    root = tree({"src/talk/setup.py": "def fail():\n    raise RuntimeError('my own words')\nfail()\n"})
+    assert install(root) == 2
+    assert capfd.readouterr().err == (
+        "Traceback (most recent call last):\n"
+        f'  File "{root}/src/talk/setup.py", line 3, in <module>\n'
+        "    fail()\n"
+        f'  File "{root}/src/talk/setup.py", line 2, in fail\n'
+        "    raise RuntimeError('my own words')\n"
+        "RuntimeError: my own words\n"
+        "error: the package's build backend 'setuptools.build_meta' failed; see its output above\n"
+    )
+
+
+def test_the_progress_before_an_error_is_not_shown(tree: Tree, capfd: pytest.CaptureFixture[str]) -> None:
+    """It is in the log; setuptools has the command that makes wheels."""
+    root = tree(SETUP)
+    (root / "src/talk/launch/talk.launch.py").unlink()
+    assert install(root) == 2
+    said = capfd.readouterr()
+    assert said.err == (
+        "error: can't copy 'launch/talk.launch.py': doesn't exist or not a regular file\n"
+        "error: the package's build backend 'setuptools.build_meta' failed; see its output above\n"
+    )
+    assert "running install_data\n" in said.out

@@ -296,36 +296,6 @@ def test_identical_modules_are_linked_to_their_own_sources(tree: Tree) -> None:
     assert (site / "talk/deep/__init__.py").readlink() == root / "src/talk/other/__init__.py"
 
 
-def test_the_traceback_of_a_setup_py_omits_internal_frames(
-    tree: Tree, capfd: pytest.CaptureFixture[str]
-) -> None:
-    """Neither forge nor setuptools is the reason."""
-    root = tree({"src/talk/setup.py": "def fail():\n    raise RuntimeError('my own words')\nfail()\n"})
-    assert install(root) == 2
-    assert capfd.readouterr().err == (
-        "Traceback (most recent call last):\n"
-        f'  File "{root}/src/talk/setup.py", line 3, in <module>\n'
-        "    fail()\n"
-        f'  File "{root}/src/talk/setup.py", line 2, in fail\n'
-        "    raise RuntimeError('my own words')\n"
-        "RuntimeError: my own words\n"
-        "error: the package's build backend 'setuptools.build_meta' failed; see its output above\n"
-    )
-
-
-def test_the_progress_before_an_error_is_not_shown(tree: Tree, capfd: pytest.CaptureFixture[str]) -> None:
-    """It is in the log; setuptools has the command that makes wheels."""
-    root = tree(SETUP)
-    (root / "src/talk/launch/talk.launch.py").unlink()
-    assert install(root) == 2
-    said = capfd.readouterr()
-    assert said.err == (
-        "error: can't copy 'launch/talk.launch.py': doesn't exist or not a regular file\n"
-        "error: the package's build backend 'setuptools.build_meta' failed; see its output above\n"
-    )
-    assert "running install_data\n" in said.out
-
-
 def test_warnings_of_a_backend_are_not_shown(tree: Tree, capfd: pytest.CaptureFixture[str]) -> None:
     """They are for the package's author, who finds them in the log; stderr is shown to everyone."""
     setup = SETUP["src/talk/setup.py"].replace("packages=", "tests_require=['x'], packages=")

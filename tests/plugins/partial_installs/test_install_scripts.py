@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from forge.build.install_scripts import installed_entries, read_install_scripts
+from forge.plugins.partial_installs.install_scripts import installed_entries, read_install_scripts
 from tests.conftest import Tree
 
 pytestmark = pytest.mark.needs("cmake", "g++")

@@ -1,0 +1,1 @@
+"""Install only the files of a CMake package that have changed since the last build."""
