@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from forge.base.distributions import EMBEDDED
+from forge.base.extensions import FORMATS, is_installed
 from forge.base.files import write_if_changed
 from forge.interfaces.model import (
     Catalog,
@@ -31,6 +32,8 @@ from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.resolution import dependency_catalogs, resolve
 from forge.interfaces.writing import parts
+
+reads_idl = pytest.mark.skipif(not is_installed(FORMATS, "idl"), reason="the plugin 'idl' is not installed")
 
 RUNTIME = EMBEDDED / "rosidl_default_runtime" / "python"
 PROBE = Path(__file__).parent / "data" / "probe"

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
 COMMANDS = "forge.commands"
+FORMATS = "forge.interfaces.formats"
+SERIALIZERS = "forge.interfaces.serializers"
 TARGETS = "forge.interfaces.targets"
 VERBS = "forge.interfaces.verbs"
 PKG_VERBS = "forge.pkg.verbs"
@@ -53,6 +55,8 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "lsp": "forge.plugins.lsp.command",
         "mixin": "forge.plugins.mixins.command",
     },
+    FORMATS: {"idl": "forge.plugins.idl.parsing"},
+    SERIALIZERS: {"python": "forge.plugins.python_cdr.target"},
     TARGETS: {
         "arrow": "forge.plugins.arrow.target",
         "c": "forge.plugins.c_target.target",

@@ -20,6 +20,7 @@ __all__ = [
     "load",
     "model",
     "notation",
+    "python",
     "read",
     "resolve",
     "schema",

@@ -28,11 +28,11 @@ from forge.base.errors import (
     raise_if_any,
     reason_of,
 )
-from forge.base.extensions import OWN, entry_points, find
+from forge.base.extensions import FORMATS, OWN, SERIALIZERS, entry_points, find
 from forge.base.extensions import TARGETS as PLUGINS
 from forge.base.files import replace_file, write_if_changed
 from forge.base.frozen import frozen
-from forge.base.layout import templates_folder
+from forge.base.layout import PACKAGE, templates_folder
 from forge.base.names import did_you_mean
 from forge.interfaces.model import Catalog, File, Interface, Source, TypeName, messages_of, nested_types
 from forge.interfaces.resolve.resolution import nesting_problems
@@ -40,7 +40,7 @@ from forge.interfaces.resolve.resolution import nesting_problems
 TARGETS = {
     "python": "forge.interfaces.python.target",
     "cpp": "forge.interfaces.cpp.target",
-    "idl": "forge.interfaces.idl.target",
+    "idl": "forge.interfaces.idl",
     "json": "forge.interfaces.hashing",
 }
 """The module of each target. Those of other distributions are entry points of 'forge.interfaces.targets'.
@@ -196,7 +196,9 @@ def read_states(out: Path) -> dict[str, OutputState]:
 def generator_digest() -> str:
     """Return a hash of the generator: the version, and size and time of each module and template."""
     digest = hashlib.sha256(__version__.encode())
-    for root in (Path(__file__).parent, templates_folder()):
+    plugins = (module.split(".") for group in (FORMATS, SERIALIZERS) for module in OWN[group].values())
+    folders = (PACKAGE.joinpath(*parts[1:-1]) for parts in plugins)
+    for root in (Path(__file__).parent, templates_folder(), *folders):
         for folder, below, names in os.walk(root):
             below.sort()
             for name in sorted(names):

@@ -39,7 +39,7 @@ from forge.environment.shells import SHELLS
 from forge.execution.jobserver import join_pool
 from forge.execution.makeflags import read_make_flags
 from forge.interfaces.hashing import hashes
-from forge.interfaces.idl.target import idl_text
+from forge.interfaces.idl import idl_text
 from forge.interfaces.model import Source, TypeName
 from forge.interfaces.read.parsing import Parsed, parse, parse_all
 from forge.interfaces.read.sources import Library, read_source

@@ -88,7 +88,7 @@ def underlay(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 
 OF_INTERFACES = {"c_target", "fast_rosidl", "interface_pages", "interface_versions", "json_schema"}
-OF_INTERFACES |= {"arrow", "protobuf", "typescript", ALL}
+OF_INTERFACES |= {"arrow", "idl", "python_cdr", "protobuf", "typescript", ALL}
 
 
 @pytest.mark.parametrize("plugin", [ALL, *PLUGINS])
@@ -154,6 +154,14 @@ def test_a_target_of_a_missing_plugin_names_the_install_command(
     message = "error: the toolchain 'cross' needs the plugin 'cross', which is not installed"
     assert f"{message}\nhint: reinstall forge with the extra 'cross'; see file:///" in ran.stderr
     assert ran.stderr.count("error:") == 1
+
+
+def test_an_idl_file_needs_the_plugin_idl(tree: Tree, forge_without: Callable[[str], Path]) -> None:
+    root = tree({"msg/A.idl": "module p { module msg { struct A { long x; }; }; };"})
+    words = ("interface", "generate", "--package", "p", "--output", "out", ".")
+    ran = run_forge(root, *words, path=forge_without("idl"))
+    message = "msg/A.idl: error: the format 'idl' needs the plugin 'idl', which is not installed\nhint:"
+    assert (ran.returncode, ran.stderr[: len(message)]) == (2, message)
 
 
 TOOLCHAIN = """\
@@ -242,7 +250,7 @@ def test_python_packages_without_the_plugin_give_a_hint(
     project = '[build-system]\nbuild-backend = "hatchling.build"\n[project]\nname = "b"\n'
     files = {"a/package.xml": manifest_text("a", build_type="ament_python"), "a/pyproject.toml": project}
     root = tree({f"ws/src/{name}": text for name, text in {**files, "b/pyproject.toml": project}.items()})
-    problem = "the build type 'python' needs the plugin 'pyproject', which is not installed\nhint: reinstall"
+    problem = "the build type 'python' needs the plugin 'pyproject', which is not installed\nhint:"
     ran = run_forge(root / "ws", "list", path=copy)
     assert (ran.returncode, ran.stdout) == (0, "a\tsrc/a\t(ros.ament_python)\n")
     assert f"src/b/pyproject.toml: warning: {problem}" in ran.stderr

@@ -34,7 +34,7 @@ from forge.interfaces.writing import write_depfile
 from forge.workspace.identification import identify
 from forge.workspace.manifest import parse_manifest
 from forge.workspace.overrides import Overrides
-from tests.generated import render
+from tests.generated import reads_idl, render
 from tests.hostile import CANARY, FRAGMENTS, hostile
 from tests.packages import manifest_text
 
@@ -113,6 +113,7 @@ def _without_docs(text: str) -> str:
     return ast.dump(tree)
 
 
+@reads_idl
 @quick
 @given(messages)
 def test_generated_idl_round_trips(message: Message) -> None:

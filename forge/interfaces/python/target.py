@@ -1,20 +1,21 @@
-"""The Python target: modules with the names and behaviour of rosidl_generator_py, stubs and serializers.
+"""The Python target: modules with the names and behaviour of rosidl_generator_py, and stubs.
 
-There is a module per interface. Code shared by all messages is in the run-time package forge_rosidl.
+There is a module per interface; a plugin adds serializers. Code shared by all messages is in the run-time
+package forge_rosidl.
 Generated names that are not from a definition start with '_', so that they cannot conflict with the name of
 a field.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from collections.abc import Set as AbstractSet
 from math import isinf
 from types import SimpleNamespace
 from typing import Final
 
 from forge.base.errors import InterfaceError, Location, Problem, raise_if_any
+from forge.base.extensions import SERIALIZERS, find, is_installed
 from forge.base.frozen import frozen
 from forge.base.names import python_attribute, snake_case
 from forge.base.templating import render
@@ -41,22 +42,20 @@ from forge.interfaces.model import (
     sections_of,
     services_of,
 )
-from forge.interfaces.python.cdr_read import emit_part_reader, emit_reader
-from forge.interfaces.python.cdr_text import FunctionSource, Module
-from forge.interfaces.python.cdr_write import emit_part_writer, emit_writer
 from forge.interfaces.python.types import (
     DTYPES,
     INTEGERS,
     TYPE_CODES,
+    imports,
     literal,
     module_name,
+    names_in,
     numeric,
     scalar,
     slot_type,
     type_text,
     zero,
 )
-from forge.interfaces.wire.layout import START, UNKNOWN, LayoutBuilder, MessageCall, MessageLayout
 
 _CANCEL = TypeName("action_msgs", "srv", "CancelGoal")
 _STATUS = TypeName("action_msgs", "msg", "GoalStatusArray")
@@ -108,12 +107,15 @@ def interface_files(catalog: Catalog, root: str = "") -> Callable[[Interface], I
                 text = f"Python has no type for the long double '{member.name}'"
                 problems.append(Problem(text, member.place, "use double, or leave out --lang python"))
     raise_if_any(problems, InterfaceError)
-    serializers_of = _serializers(catalog, root)
+    serializers_of = None
+    if is_installed(SERIALIZERS, "python"):
+        serializers_of = find(SERIALIZERS, "python", "serializers of").interface_files(catalog, root)
 
     def files_of(interface: Interface) -> Iterator[File]:
         source = catalog.sources.get(interface.name)
         yield from _modules(interface, root, source.text if source else "")
-        yield from serializers_of(interface)
+        if serializers_of:
+            yield from serializers_of(interface)
 
     return files_of
 
@@ -160,16 +162,16 @@ def _modules(interface: Interface, root: str, definition: str) -> Iterator[File]
     for field in fields:
         code += (*field.build, *field.accept, field.slot_type, field.default or "")
     path = module_name(interface.name).replace(".", "/")
-    imports = _imports(_MODULE_IMPORTS, _names_in(code))
-    yield File(f"{path}.py", render("python/interface.py.j2", **shared, imports=imports))
+    import_lines = imports(_MODULE_IMPORTS, names_in(code))
+    yield File(f"{path}.py", render("python/interface.py.j2", **shared, imports=import_lines))
     code = [*both, *("_TypeAlias" for _ in services), *(view.check_fields or "" for view in views)]
     code += (text for field in fields for text in (field.getter_type, field.setter_type))
     constants = [constant for view in views for constant in view.constants]
     code += (constant.type for constant in constants)
     if constants or any(field.default for field in fields):
         code.append("_Final")
-    imports = _imports(_STUB_IMPORTS, _names_in(code))
-    yield File(f"{path}.pyi", render("python/interface.pyi.j2", **shared, imports=imports))
+    import_lines = imports(_STUB_IMPORTS, names_in(code))
+    yield File(f"{path}.pyi", render("python/interface.pyi.j2", **shared, imports=import_lines))
 
 
 _STUB_BUILTINS: Final = frozenset(
@@ -205,25 +207,6 @@ _STUB_IMPORTS: Final = (
     "import numpy as _numpy",
     "from numpy.typing import NDArray as _NDArray",
 )
-_CDR_IMPORTS: Final = (
-    "from array import array as _array",
-    "from itertools import repeat as _repeat",
-    "from forge_cdr import lazy as _lazy",
-    "from forge_cdr import pieces as _pieces",
-    "import numpy as _numpy",
-)
-_CDR_CONSTANTS: Final = ("HEADER", "HEADER_BYTES", "LITTLE_ENDIAN")
-
-
-def _names_in(code: Iterable[str]) -> set[str]:
-    """Return the names with a leading '_' in code, except those of attributes."""
-    return {name for text in code for name in re.findall(r"(?<!\.)\b_\w+", text)}
-
-
-def _imports(lines: Iterable[str], used: Collection[str]) -> list[str]:
-    """Return the import lines of the used names; a blank line separates two groups."""
-    selected = (line for line in lines if not line or line.rpartition(" ")[2] in used)
-    return "\n".join(selected).strip("\n").splitlines()
 
 
 @frozen
@@ -483,68 +466,3 @@ def _collection(field: Field, classes: Mapping[TypeName, str]) -> str:
 
 def _bound(type_: Type, prefix: str) -> str:
     return f", {prefix}{type_.bound}" if isinstance(type_, Sequence) and type_.bound is not None else ""
-
-
-def _serializers(catalog: Catalog, root: str) -> Callable[[Interface], Iterator[File]]:
-    """Return a function that yields the serializers of one interface: a module that is imported on first use.
-
-    For each message, a module has a factory of its writer and one of its reader; a factory first creates the
-    tables that the function looks up. Messages too large to be inlined have two more, for use inside other
-    messages. All code is little-endian. Data that it rejects is passed to the run time's generic codec, which
-    handles every case and reports errors.
-    """
-    layouts = LayoutBuilder(catalog.known)
-    all_classes = frozenset(name.name for name in catalog.known)
-
-    def files_of(interface: Interface) -> Iterator[File]:
-        home = module_name(interface.name)
-        own = [message.name for message in messages_of(interface)]
-        module = Module(frozenset(own), all_classes)
-        for name in own:
-            module.class_of(name)
-        functions = [function for name in own for function in _factories(name, module, layouts)]
-        used = _names_in(line for function in functions for line in (*function.tables, *function.lines))
-        classes = [
-            (home if name in module.own else module_name(name), name.name, local)
-            for name, local in sorted(module.classes.items())
-        ]
-        others = [(*path.rsplit(".", 1), local) for path, local in sorted(module.modules.items())]
-        source = render(
-            "python/cdr.py.j2",
-            title=str(interface.name),
-            shared=_imports(_CDR_IMPORTS, used),
-            imported=[(f"{root}{path}", name, local) for path, name, local in (*classes, *others)],
-            # Functions look up names faster as module globals than as attributes.
-            constants=[
-                *(["_ndarray = _numpy.ndarray"] if "_ndarray" in used else []),
-                *(f"_{name} = _pieces.{name}" for name in _CDR_CONSTANTS if f"_{name}" in used),
-            ],
-            functions=functions,
-        )
-        yield File(f"{home.replace('.', '/')}__cdr.py", source)
-
-    return files_of
-
-
-def _factories(name: TypeName, module: Module, layouts: LayoutBuilder) -> Iterator[SimpleNamespace]:
-    """Yield the factories of the writers and readers of a message."""
-
-    def factory(kind: str, inner: str, emit: Callable[[FunctionSource], None]) -> SimpleNamespace:
-        source = FunctionSource(module)
-        emit(source)
-        inner_name = inner.partition("(")[0]
-        return SimpleNamespace(
-            name=f"{kind}_{name.name}", inner=inner, made=inner_name, tables=source.tables, lines=source.lines
-        )
-
-    if layouts.is_large(name):
-        part = layouts.of(name, UNKNOWN)
-        yield factory("part_writer", "write(message, append, o)", lambda to: emit_part_writer(to, part))
-        yield factory(
-            "part_reader", "read(buffer, view, o, limit)", lambda to: emit_part_reader(to, name, part)
-        )
-        layout = MessageLayout((MessageCall((), name, START),), (), START, UNKNOWN)
-    else:
-        layout = layouts.of(name)
-    yield factory("writer", "write(message)", lambda to: emit_writer(to, layout))
-    yield factory("reader", "read(buffer, limit)", lambda to: emit_reader(to, name, layout))

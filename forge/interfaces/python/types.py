@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Collection, Iterable
 from math import copysign, isfinite, isnan
 from typing import Final
 
@@ -137,3 +139,14 @@ def zero(element: Element) -> str:
             return "0"
         case _:
             return "''"
+
+
+def names_in(code: Iterable[str]) -> set[str]:
+    """Return the names with a leading '_' in code, except those of attributes."""
+    return {name for text in code for name in re.findall(r"(?<!\.)\b_\w+", text)}
+
+
+def imports(lines: Iterable[str], used: Collection[str]) -> list[str]:
+    """Return the import lines of the used names; a blank line separates two groups."""
+    selected = (line for line in lines if not line or line.rpartition(" ")[2] in used)
+    return "\n".join(selected).strip("\n").splitlines()

@@ -8,8 +8,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import zip_longest
 from pathlib import PurePosixPath
+from typing import Any
 
 from forge.base.errors import InterfaceError, Location, Problem, raise_if_any
+from forge.base.extensions import FORMATS, absent, find
 from forge.base.frozen import frozen
 from forge.base.names import TYPE_NAME, python_attribute
 from forge.interfaces.model import (
@@ -73,12 +75,23 @@ def parse(source: Source) -> Interface:
     Raises InterfaceError with all problems of the file, sorted by line.
     """
     if source.relative.endswith(".idl"):
-        from forge.interfaces.idl.parsing import parse_idl
-
-        return parse_idl(source)
+        reader = read_idl(source)
+        raise_if_any(sorted(reader.problems, key=lambda problem: problem.position), InterfaceError)
+        interface: Interface = reader.interface()
+        return interface
     interface, problems = parse_leniently(source)
     raise_if_any(problems, InterfaceError)
     return interface
+
+
+def read_idl(source: Source) -> Any:
+    """Return what an .idl file contains, a `FileReader` of the plugin 'idl'.
+
+    Raises InterfaceError with the first syntax error, and without the plugin.
+    """
+    if problem := absent(FORMATS, "idl", "format"):
+        raise InterfaceError(replace(problem, location=Location(source.path)))
+    return find(FORMATS, "idl", "format").read_idl(source)
 
 
 def parse_leniently(source: Source) -> tuple[Interface, list[Problem]]:

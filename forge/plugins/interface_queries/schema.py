@@ -9,7 +9,7 @@ from forge.base.frozen import frozen
 from forge.base.options import option, options_of
 from forge.cli.commands.interface.inputs import IncludeOptions, known_library, unknown_type
 from forge.cli.options import profile_option
-from forge.interfaces.idl.target import idl_text
+from forge.interfaces.idl import idl_text
 from forge.interfaces.model import TypeName, nested_types, sections_of
 from forge.interfaces.read.parsing import Parsed
 from forge.interfaces.resolve.resolution import nested_messages, require

@@ -26,7 +26,7 @@ from forge.interfaces.model import (
     sections_of,
 )
 from forge.interfaces.read.literals import QUOTES
-from forge.interfaces.read.parsing import Parsed, python_keywords
+from forge.interfaces.read.parsing import Parsed, python_keywords, read_idl
 
 _MACROS = "assert errno linux major makedev minor signals slots stderr stdin stdout unix"
 _NAMES = {
@@ -56,12 +56,7 @@ def lint(parsed: Iterable[Parsed]) -> list[Problem]:
     all_problems = []
     for each in parsed:
         is_idl = each.source.relative.endswith(".idl")
-        if is_idl:
-            from forge.interfaces.idl.parsing import read_idl
-
-            problems = read_idl(each.source).warnings
-        else:
-            problems = list(_comments(each.source))
+        problems = read_idl(each.source).warnings if is_idl else list(_comments(each.source))
         for message in sections_of(each.interface):
             problems += _names(message) if is_idl else (*_lines(message), *_names(message))
             problems += _unused_annotations(message)

@@ -9,14 +9,14 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 from enum import Enum
+from typing import Any
 
 from forge.base.errors import InterfaceError, Location, Problem
 from forge.base.frozen import frozen
-from forge.interfaces.idl.parsing import FileReader
 from forge.interfaces.model import SECTIONS, Interface, Named, Source, TypeName, element_of, sections_of
 from forge.interfaces.read.declarations import read_declaration
 from forge.interfaces.read.literals import ParseError
-from forge.interfaces.read.parsing import lines_of, parse_leniently, split_sections, type_name
+from forge.interfaces.read.parsing import lines_of, parse_leniently, read_idl, split_sections, type_name
 from forge.plugins.lsp.text import Span
 
 _INCLUDE = re.compile(r'["<](\w+)/(\w+)/(\w+)\.idl[">]')
@@ -80,8 +80,6 @@ def read_leniently(source: Source) -> Reading:
     if not source.relative.endswith(".idl"):
         interface, problems = parse_leniently(source)
         return Reading(source, interface, tuple(problems), tuple(_in_lines(source)))
-    from forge.interfaces.idl.parsing import read_idl
-
     try:
         reader = read_idl(source)
     except InterfaceError as error:
@@ -111,7 +109,7 @@ def _in_lines(source: Source) -> Iterator[Occurrence]:
             yield Occurrence(kind, span, declaration.name, owner)
 
 
-def _in_idl(reader: FileReader, interface: Interface | None) -> Iterator[Occurrence]:
+def _in_idl(reader: Any, interface: Interface | None) -> Iterator[Occurrence]:
     main = interface.name if interface else type_name(reader.source)
     for word in reader.includes:
         if path := _INCLUDE.fullmatch(word):

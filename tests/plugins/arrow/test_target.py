@@ -13,6 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from forge.base.files import write_if_changed
+from forge.interfaces.model import Field, Message, Primitive, Sequence, TypeName
 from forge.interfaces.python import target as python
 from forge.interfaces.read.sources import Library
 from forge.plugins.arrow.target import files
@@ -29,9 +30,16 @@ OURS = catalog_of(
             "# About it.\n\nfloat32 v  # how fast [m/s]\nuint8[<=3] raw\nbyte[2] pair\nstring<=3[2] names\n"
             "geometry_msgs/Point[] points\nwstring plain\n"
         ),
-        "msg/Letters.idl": "module ours { module msg { struct Letters {"
-        " char one; wchar wide; sequence<wchar> many; sequence<char, 2> few; }; }; };",
     },
+    Message(
+        TypeName("ours", "msg", "Letters"),
+        (
+            Field("one", Primitive("char")),
+            Field("wide", Primitive("wchar")),
+            Field("many", Sequence(Primitive("wchar"))),
+            Field("few", Sequence(Primitive("char"), 2)),
+        ),
+    ),
 )
 
 

@@ -10,7 +10,7 @@ from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.resolution import resolve
 from forge.plugins.interface_pages.site import PackageInfo, Paragraph, paragraphs, site, summary
 from tests.conftest import GOLDEN, Forge, Golden, Tree
-from tests.generated import catalog_of
+from tests.generated import catalog_of, reads_idl
 from tests.sites import faults_of, read_page
 
 MANIFEST = (
@@ -259,6 +259,7 @@ def test_a_field_named_like_a_page_section_has_its_own_anchor() -> None:
     assert {"hash", "request.hash", "response.hash"} <= set(contents.ids)
 
 
+@reads_idl
 def test_definitions_of_other_folders_and_languages_have_pages(forge: Forge, tree: Tree) -> None:
     """An .idl file may lie in any folder; what it defines is used like a message."""
     module = "module a_msgs {{ module {0} {{ struct {1} {{ {2}; }}; }}; }};\n"

@@ -1,6 +1,7 @@
 """`forge interface proto`."""
 
 from tests.conftest import Forge, Tree
+from tests.generated import reads_idl
 from tests.packages import manifest_text
 
 INDEX = "share/ament_index/resource_index"
@@ -37,6 +38,7 @@ def test_proto_supports_every_kind_of_field(forge: Forge, tree: Tree) -> None:
     )
 
 
+@reads_idl
 def test_interfaces_in_idl_have_defaults(forge: Forge, tree: Tree) -> None:
     files = {
         "msg/Short.idl": "module mine { module msg { struct Short { @default (value=7) short a; }; }; };",

@@ -9,6 +9,7 @@ from forge.interfaces.resolve.resolution import require, resolve
 from forge.interfaces.schema import read_schema
 from forge.plugins.interface_queries.schema import schema_text
 from tests.conftest import Forge, Tree
+from tests.generated import reads_idl
 
 LINE = "=" * 80
 LIBRARY = Library()
@@ -36,6 +37,7 @@ def test_schemas_contain_definitions_depth_first(forge: Forge, tree: Tree) -> No
     assert service.startswith(f"{FILES['srv/Ask.srv']}\n{LINE}\nMSG: other_msgs/Far\n")
 
 
+@reads_idl
 def test_a_schema_in_idl_names_every_type_in_full(forge: Forge, tree: Tree) -> None:
     root = tree(FILES)
     includes = ["--include", f"tour={root}", "--include", f"other_msgs={root / 'other'}"]

@@ -9,6 +9,7 @@ from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
 from forge.plugins.lint.lint import lint
 from tests.conftest import Forge, Tree
+from tests.generated import reads_idl
 
 
 def messages_of(text: str, relative: str = "msg/A.msg") -> list[str]:
@@ -97,6 +98,7 @@ def test_common_definitions_are_accepted(line: str) -> None:
     assert messages_of(line) == []
 
 
+@reads_idl
 def test_sections_and_idl_files_are_checked() -> None:
     assert messages_of("int8 errno\n---\nint8 linux", "srv/A.srv") == [
         "1:6 avoid the field name 'errno': it is a macro in common headers",

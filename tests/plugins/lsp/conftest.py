@@ -5,10 +5,18 @@ from pathlib import Path
 
 import pytest
 
+from forge.base.extensions import FORMATS, is_installed
 from forge.plugins.lsp.index import Index
 from tests.conftest import Tree
 from tests.packages import manifest_text
 from tests.plugins.lsp.editors import index_of
+
+collect_ignore = (
+    []
+    if is_installed(FORMATS, "idl")
+    else ["test_completion.py", "test_hover.py", "test_navigation.py", "test_rename.py"]
+)
+"""Tests whose workspace contains an .idl file, which another plugin reads."""
 
 _BOX = """#include "shapes/msg/Point.idl"
 module shapes {

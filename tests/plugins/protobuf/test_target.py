@@ -12,6 +12,7 @@ from hypothesis import HealthCheck, given, settings
 
 from forge.base.errors import InterfaceError
 from forge.base.files import write_if_changed
+from forge.interfaces.model import Field, Message, Primitive, TypeName
 from forge.interfaces.python import target as python
 from forge.interfaces.read.sources import Library
 from forge.plugins.protobuf.forge_protobuf import from_proto, to_proto
@@ -130,6 +131,6 @@ message M {
 
 
 def test_a_long_double_is_an_error() -> None:
-    idl = "module p { module msg { struct L { long double x; }; }; };"
+    message = Message(TypeName("p", "msg", "L"), (Field("x", Primitive("long double")),))
     with pytest.raises(InterfaceError, match="no type for the long double 'x'"):
-        list(files(catalog_of("p", {"msg/L.idl": idl})))
+        list(files(catalog_of("p", {}, message)))

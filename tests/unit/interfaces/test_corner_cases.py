@@ -10,6 +10,7 @@ from forge.interfaces import load
 from forge.interfaces.model import Message, Source
 from forge.interfaces.read.parsing import parse
 from tests.conftest import Forge, Tree
+from tests.generated import reads_idl
 
 
 def message(text: str) -> Message:
@@ -33,6 +34,7 @@ def test_any_text_in_brackets_is_a_unit_as_in_rosidl() -> None:
     assert message("#     [fx  0 cx]\n# K = [ 0 fy cy]\n\nint8 a").doc == ("    [fx  0 cx]", "K = [ 0 fy cy]")
 
 
+@reads_idl
 def test_idl_only_types_have_their_own_namespace(forge: Forge, tree: Tree) -> None:
     idl = "module tour {{ module idl {{ struct Only {{ wchar a; sequence<wchar> b; {} c; }}; }}; }};"
     folder = tree({"src/idl/Only.idl": idl.format("long double")})

@@ -12,6 +12,7 @@ import forge
 from forge.base.errors import InterfaceError, SelectionError
 from forge.interfaces import load
 from tests.conftest import Tree
+from tests.generated import reads_idl
 
 LINE = "=" * 80
 
@@ -64,6 +65,7 @@ def test_two_versions_of_a_type_coexist() -> None:
     )
 
 
+@reads_idl
 def test_idl_files_and_actions_can_be_loaded(tree: Tree) -> None:
     idl = "module tour { module msg { struct A { @default (value=7) long a; }; }; };"
     assert load(f"{LINE}\nIDL: tour/msg/A\n{idl}", "tour/msg/A")["tour/msg/A"]().a == 7

@@ -10,7 +10,7 @@ from forge.interfaces.read.parsing import parse_all
 from forge.interfaces.read.sources import Library, read_folder
 from forge.interfaces.resolve.resolution import resolve
 from tests.conftest import GOLDEN, Forge, Golden, Tree
-from tests.generated import render
+from tests.generated import reads_idl, render
 from tests.packages import manifest_text
 
 INDEX = "share/ament_index/resource_index"
@@ -165,6 +165,7 @@ def test_show_reports_its_errors(forge: Forge, tree: Tree, name: str, text: str)
     assert ran.err.splitlines()[0] == f"error: {text.replace('PREFIX', str(prefix))}"
 
 
+@reads_idl
 def test_idl_only_interfaces_are_listed(forge: Forge, tree: Tree) -> None:
     struct = "module mine { module msg { struct Short { @default (value=7) short a; }; }; };"
     other = "module mine { module idl { struct Wide { mine::msg::Short a; wchar b; }; }; };"
@@ -185,6 +186,7 @@ def test_idl_only_interfaces_are_listed(forge: Forge, tree: Tree) -> None:
     assert hashed.out.startswith("mine/idl/Wide RIHS01_")
 
 
+@reads_idl
 def test_generate_takes_idl_files_and_folders_of_them(forge: Forge, tree: Tree) -> None:
     root = tree(
         {
@@ -223,6 +225,7 @@ def test_hash_of_a_folder_covers_derived_types(forge: Forge, tree: Tree) -> None
     assert names == ["msg/A", "srv/B", "srv/B_Event", "srv/B_Request", "srv/B_Response"]
 
 
+@reads_idl
 def test_hash_prints_a_json_object_and_finds_names_with_underscores(forge: Forge, tree: Tree) -> None:
     struct = "module tour {{ module msg {{ struct {} {{ long a; }}; }}; }};"
     folder = tree({"msg/A_B.idl": struct.format("A_B"), "msg/A.idl": struct.format("A")})

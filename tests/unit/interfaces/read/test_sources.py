@@ -9,6 +9,7 @@ from forge.base.errors import InterfaceError, Location
 from forge.interfaces.model import TypeName
 from forge.interfaces.read.sources import Library, contradictions, read_folder, read_runtime, read_source
 from tests.conftest import Tree
+from tests.generated import reads_idl
 
 INDEX = "share/ament_index/resource_index/rosidl_interfaces"
 
@@ -95,6 +96,7 @@ def test_definitions_in_nested_folders_are_found(tree: Tree) -> None:
     assert [source.relative for source in read_folder("p", folder)] == ["msg/B.msg", "msg/deep/more/A.msg"]
 
 
+@reads_idl
 def test_installed_interfaces_are_those_in_the_index(tree: Tree) -> None:
     """Files that another version has left are none of it; generated .idl files are not the source."""
     listed = ("deep/A.msg", "msg/A.idl", "srv/S.srv", "srv/S_Request.msg", "msg/Own.idl", "msg/gone.msg")
@@ -114,6 +116,7 @@ def test_installed_interfaces_are_those_in_the_index(tree: Tree) -> None:
     assert fields(library, "p/msg/Own") == ["x"]
 
 
+@reads_idl
 def test_an_ignored_idl_file_is_reported_with_the_overriding_file(tree: Tree) -> None:
     """Unless it says the same, or was generated."""
     idl = "module p { module msg { struct A { short a; }; }; };\n"

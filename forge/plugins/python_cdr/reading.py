@@ -12,17 +12,6 @@ from dataclasses import dataclass, field
 
 from forge.base.names import snake_case
 from forge.interfaces.model import Array, Sequence, TypeName
-from forge.interfaces.python.cdr_text import (
-    CONVERTED,
-    HEADER_SIZE,
-    FunctionSource,
-    Group,
-    PackedGroup,
-    assignment,
-    group_steps,
-    singular,
-    struct_format,
-)
 from forge.interfaces.python.types import DTYPES, TYPE_CODES
 from forge.interfaces.wire.layout import (
     SIZES,
@@ -38,6 +27,17 @@ from forge.interfaces.wire.layout import (
     Run,
     Scalar,
     StringData,
+)
+from forge.plugins.python_cdr.source import (
+    CONVERTED,
+    HEADER_SIZE,
+    FunctionSource,
+    Group,
+    PackedGroup,
+    assignment,
+    group_steps,
+    singular,
+    struct_format,
 )
 
 _HEADER_CHECK = ("if encapsulation != _LITTLE_ENDIAN:", "    raise _pieces.Refused")

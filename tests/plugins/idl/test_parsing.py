@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from forge.base.errors import InterfaceError
-from forge.interfaces.idl.parsing import read_idl
-from forge.interfaces.idl.target import idl_text
+from forge.interfaces.idl import idl_text
 from forge.interfaces.model import (
     Action,
     Array,
@@ -28,6 +27,7 @@ from forge.interfaces.model import (
 )
 from forge.interfaces.read.parsing import parse, parse_all
 from forge.interfaces.read.sources import Library, read_folder
+from forge.plugins.idl.parsing import read_idl
 from tests.conftest import GOLDEN
 
 INT8 = Primitive("int8")

@@ -17,6 +17,7 @@ import pytest
 
 from forge.base.files import write_if_changed
 from forge.interfaces.loading import load
+from forge.interfaces.model import Array, Field, Message, Primitive, Sequence, TypeName
 from forge.interfaces.python import target
 from forge.interfaces.wire.layout import INLINE_LIMIT
 from tests.generated import catalog_of, generate_embedded, importable, probe_catalog
@@ -55,23 +56,20 @@ DEFINITIONS = {
     "Inner[] inner\nInner[] s\nInner[] texts\nint8 unpack\nint8 pack\nint8[] end\nstring piece\n"
     "float64[] padding",
 }
-CHARACTERS = """module vectors {
-  module msg {
-    typedef char chars[2];
-    typedef wchar wides[2];
-    struct Characters {
-      char one;
-      wchar wide;
-      chars two;
-      wides pair;
-      sequence<char> many;
-      sequence<wchar> much;
-      octet end;
-    };
-  };
-};
-"""
-DEFINITIONS["msg/Characters.idl"] = CHARACTERS
+CHAR, WCHAR = Primitive("char"), Primitive("wchar")
+CHARACTERS = Message(
+    TypeName("vectors", "msg", "Characters"),
+    (
+        Field("one", CHAR),
+        Field("wide", WCHAR),
+        Field("two", Array(CHAR, 2)),
+        Field("pair", Array(WCHAR, 2)),
+        Field("many", Sequence(CHAR)),
+        Field("much", Sequence(WCHAR)),
+        Field("end", Primitive("octet")),
+    ),
+)
+"""Types that only IDL has."""
 STAMPED = "01000000 02000000 04000000 6d617000"
 VECTORS: dict[str, tuple[str, dict[str, Any], str]] = {
     "1": ("std_msgs/String", {"data": "hello"}, "06000000 68656c6c6f00"),
@@ -194,7 +192,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """Generate the embedded packages and two more, and make them importable."""
     made = tmp_path_factory.mktemp("python")
     generate_embedded(made)
-    for catalog in (catalog_of("vectors", DEFINITIONS), probe_catalog()):
+    for catalog in (catalog_of("vectors", DEFINITIONS, CHARACTERS), probe_catalog()):
         for file in target.files(catalog):
             write_if_changed(made / file.path, file.text)
     with importable(made):

@@ -11,17 +11,6 @@ from dataclasses import dataclass, field
 
 from forge.base.names import snake_case
 from forge.interfaces.model import Array, Primitive, Sequence, String
-from forge.interfaces.python.cdr_text import (
-    CONVERTED,
-    HEADER_SIZE,
-    FunctionSource,
-    Group,
-    PackedGroup,
-    group_steps,
-    singular,
-    struct_format,
-    wrap_arguments,
-)
 from forge.interfaces.wire.layout import (
     MAX_ALIGNMENT,
     SIZES,
@@ -36,6 +25,17 @@ from forge.interfaces.wire.layout import (
     Run,
     Scalar,
     StringData,
+)
+from forge.plugins.python_cdr.source import (
+    CONVERTED,
+    HEADER_SIZE,
+    FunctionSource,
+    Group,
+    PackedGroup,
+    group_steps,
+    singular,
+    struct_format,
+    wrap_arguments,
 )
 
 _READABLE = 60

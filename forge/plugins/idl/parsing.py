@@ -13,9 +13,8 @@ from itertools import islice
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, cast
 
-from forge.base.errors import InterfaceError, Location, Problem, raise_if_any
+from forge.base.errors import InterfaceError, Location, Problem
 from forge.base.names import did_you_mean, python_attribute
-from forge.interfaces.idl.values import Expression, read_expression, read_size, value_of
 from forge.interfaces.model import (
     HIDDEN_MEMBER,
     SECTIONS,
@@ -36,6 +35,7 @@ from forge.interfaces.model import (
 )
 from forge.interfaces.read.declarations import check_keyword
 from forge.interfaces.read.literals import ParseError
+from forge.plugins.idl.values import Expression, read_expression, read_size, value_of
 
 if TYPE_CHECKING:
     from lark import Lark, Token, Tree
@@ -94,20 +94,11 @@ Annotations = dict[str, list[dict[str, Expression]]]
 """The parameters of annotations by name; the parameter of '@name(value)' has the name ''."""
 
 
-def parse_idl(source: Source) -> Interface:
-    """Parse one .idl file; the namespace of the interface comes from its modules, not its folder.
-
-    Raises InterfaceError with the first syntax error, or else with all semantic problems.
-    """
-    reader = read_idl(source)
-    raise_if_any(sorted(reader.problems, key=lambda problem: problem.position), InterfaceError)
-    return reader.interface()
-
-
 def read_idl(source: Source) -> FileReader:
     """Read the definitions of a file, and collect problems and warnings.
 
-    Raises InterfaceError with the first syntax error.
+    The namespace of the interface comes from its modules, not from its folder. Raises InterfaceError with the
+    first syntax error.
     """
     from lark.exceptions import UnexpectedInput
 

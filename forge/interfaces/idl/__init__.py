@@ -1,3 +1,0 @@
-"""OMG IDL 4.2: parse .idl files, and write interfaces as IDL."""
-
-__all__ = ["parsing", "target"]
