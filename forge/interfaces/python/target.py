@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from collections.abc import Set as AbstractSet
-from math import isinf
+from math import inf
 from types import SimpleNamespace
 from typing import Final
 
@@ -45,6 +45,7 @@ from forge.interfaces.model import (
 from forge.interfaces.python.types import (
     DTYPES,
     INTEGERS,
+    LARGEST,
     TYPE_CODES,
     imports,
     literal,
@@ -329,8 +330,7 @@ def _safe_line(line: str) -> str:
     )
 
 
-HIGHEST: Final = {"char": 127, "wchar": 65535}
-FLOAT_MAX: Final = "3.4028234663852886e+38"
+_HIGHEST: Final = {"char": 127, "wchar": 65535}
 
 
 def _default_name(field: Field) -> str:
@@ -345,17 +345,15 @@ def _build(field: Field, classes: Mapping[TypeName, str], own: str, *, direct: b
     name, slot = python_attribute(field.name), f"{own}._{field.name}"
     # The property setter reports a default that is out of range, as one of float32 may be.
     size = abs(field.default) if isinstance(field.default, float) and field.type == Primitive("float") else 0
-    target = f"{own}.{name}" if size > float(FLOAT_MAX) and not isinf(size) else slot
+    target = f"{own}.{name}" if LARGEST < size < inf else slot
     lines = [f"if {name} is ...:", f"    {target} = {_own_value(field, classes, own)}"]
     if numeric(field.type) and field.default is None:
-        return (*lines, "else:", f"    {slot} = {_convert(field)}")
+        return (*lines, "else:", f"    {slot} = {_numbers(field, name, 'new_')}")
     if direct and not isinstance(field.type, Array | Sequence):
         # The condition under which a value is valid without further checks.
-        if isinstance(field.type, Named):
-            tests = [f"{name}.__class__ is {classes[field.type.name]}"]
-        else:
-            tests = _tests(field.type, name)
-        lines += [f"elif {' and '.join(tests)}:", f"    {slot} = {name}"]
+        class_, limits, *_ = _rule(field.type, name, classes)
+        tests = " and ".join((f"{name}.__class__ is {class_}", *limits))
+        lines += [f"elif {tests}:", f"    {slot} = {name}"]
     return (*lines, "else:", f"    {own}.{name} = {name}")
 
 
@@ -380,89 +378,72 @@ def _own_value(field: Field, classes: Mapping[TypeName, str], own: str) -> str:
             return zero(single) if field.default is None else scalar(single, field.default)
 
 
-def _convert(field: Field) -> str:
-    number, variable = numeric(field.type) or "", python_attribute(field.name)
-    if isinstance(field.type, Array):
-        return f"_arrays.new_array({field.name!r}, {variable}, {number!r}, {field.type.size})"
-    if isinstance(field.type, Sequence) and field.type.bound is not None:
-        return f"_checks.new_numbers({field.name!r}, {variable}, {number!r}, {field.type.bound})"
-    return f"_checks.new_numbers({field.name!r}, {variable}, {number!r})"
-
-
 def _accept(field: Field, classes: Mapping[TypeName, str]) -> tuple[str, ...]:
-    store = f"self._{field.name} = value"
+    """Return the lines of a property's setter."""
     if isinstance(field.type, Array | Sequence):
         return (f"self._{field.name} = {_collection(field, classes)}",)
-    call = _scalar_check(field, classes)
-    if isinstance(field.type, Named):
-        test = f"value.__class__ is not {classes[field.type.name]}"
-    else:
-        tests = _tests(field.type, "value")
-        test = f"not ({' and '.join(tests)})" if tests[1:] else tests[0].replace(" is ", " is not ")
-    return (f"if {test}:", f"    value = {call}", store)
+    class_, limits, check, argument = _rule(field.type, "value", classes)
+    test = f"value.__class__ is not {class_}"
+    if limits:
+        test = f"not ({' and '.join((f'value.__class__ is {class_}', *limits))})"
+    call = f"_checks.{check}({field.name!r}, value{argument})"
+    return (f"if {test}:", f"    value = {call}", f"self._{field.name} = value")
 
 
-def _tests(type_: Type, variable: str) -> list[str]:
-    limits = []
+def _rule(type_: Type, value: str, classes: Mapping[TypeName, str]) -> tuple[str, list[str], str, str]:
+    """Return when a single value is valid: its class, and conditions for the variable `value`.
+
+    The last two are the function of the run time that checks any other value, and its last argument.
+    """
     match type_:
         case Primitive("boolean"):
-            python = "bool"
+            return "bool", [], "boolean", ""
         case Primitive("octet"):
-            python, limits = "bytes", [f"len({variable}) == 1"]
+            return "bytes", [f"len({value}) == 1"], "octet", ""
         case Primitive("char" | "wchar" as name):
-            python, limits = "str", [f"len({variable}) == 1", f"{variable} <= {chr(HIGHEST[name])!r}"]
+            highest = _HIGHEST[name]
+            limits = [f"len({value}) == 1", f"{value} <= {chr(highest)!r}"]
+            return "str", limits, "character", f", {highest}"
         case Primitive("float"):
-            python, limits = "float", [f"-{FLOAT_MAX} <= {variable} <= {FLOAT_MAX}"]
+            return "float", [f"-{LARGEST} <= {value} <= {LARGEST}"], "number", ", 'float'"
         case Primitive(name) if name in INTEGERS:
             low, high = INTEGERS[name]
-            python, limits = "int", [f"{low} <= {variable} <= {high}"]
-        case String(_, bound):
-            python, limits = "str", [] if bound is None else [f"len({variable}) <= {bound}"]
-        case _:
-            python = "float"
-    return [f"{variable}.__class__ is {python}", *limits]
-
-
-def _scalar_check(field: Field, classes: Mapping[TypeName, str]) -> str:
-    start = f"({field.name!r}, value"
-    match field.type:
-        case Primitive("boolean" | "octet" as name):
-            return f"_checks.{name}{start})"
-        case Primitive("char" | "wchar" as name):
-            return f"_checks.character{start}, {HIGHEST[name]})"
+            return "int", [f"{low} <= {value} <= {high}"], "number", f", {name!r}"
         case Primitive(name):
-            return f"_checks.number{start}, {name!r})"
+            return "float", [], "number", f", {name!r}"
         case String(_, None):
-            return f"_checks.text{start})"
+            return "str", [], "text", ""
         case String(_, bound):
-            return f"_checks.bounded_text{start}, {bound})"
+            return "str", [f"len({value}) <= {bound}"], "bounded_text", f", {bound}"
         case Named(name):
-            return f"_checks.message{start}, {classes[name]})"
+            return classes[name], [], "message", f", {classes[name]}"
         case _:
-            raise AssertionError(field.type)
+            raise AssertionError(type_)
 
 
 def _collection(field: Field, classes: Mapping[TypeName, str]) -> str:
-    type_, number = field.type, numeric(field.type)
-    size = f", {type_.size}" if isinstance(type_, Array) else ""
-    if number and size:
-        return f"_arrays.array({field.name!r}, value, {number!r}{size})"
-    if number:
-        return f"_checks.numbers({field.name!r}, value, {number!r}{_bound(type_, '')})"
+    """Return the expression that checks and converts the value of an array or a sequence."""
+    type_ = field.type
+    if numeric(type_):
+        return _numbers(field, "value")
+    call = "collection"
     match element_of(type_):
-        case Named(name):
-            call, what = "collection", classes[name]
-        case String(_, None):
-            call, what = "collection", "str"
-        case String(_, bound):
+        case String(_, int(bound)):
             call, what = "texts", str(bound)
         case Primitive("char" | "wchar" as name):
-            call, what = "characters", str(HIGHEST[name])
-        case Primitive(name):
-            call, what = "collection", "bool" if name == "boolean" else "bytes"
-    length = size.replace(" ", " size=") + _bound(type_, "bound=")
-    return f"_checks.{call}({field.name!r}, value, {what}{length})"
+            call, what = "characters", str(_HIGHEST[name])
+        case element:
+            what, *_ = _rule(element, "value", classes)
+    size = f", size={type_.size}" if isinstance(type_, Array) else _bound(type_, "bound=")
+    return f"_checks.{call}({field.name!r}, value, {what}{size})"
 
 
-def _bound(type_: Type, prefix: str) -> str:
+def _numbers(field: Field, variable: str, prefix: str = "") -> str:
+    arguments = f"{field.name!r}, {variable}, {numeric(field.type)!r}"
+    if isinstance(field.type, Array):
+        return f"_arrays.{prefix}array({arguments}, {field.type.size})"
+    return f"_checks.{prefix}numbers({arguments}{_bound(field.type)})"
+
+
+def _bound(type_: Type, prefix: str = "") -> str:
     return f", {prefix}{type_.bound}" if isinstance(type_, Sequence) and type_.bound is not None else ""

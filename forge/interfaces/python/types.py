@@ -30,7 +30,7 @@ TYPE_CODES: Final = dict(
         strict=True,
     )
 )
-_LARGEST = 3.4028234663852886e38
+LARGEST = 3.4028234663852886e38
 """The largest number of single precision. FLT_MAX in C is rounded up, and no field accepts it."""
 _TOO_LARGE = 3.4028235677973366e38
 """From here on, numbers are nearer to infinity."""
@@ -80,8 +80,8 @@ def scalar(element: Element, value: object) -> str:
             return repr(bytes([value]))
         case Primitive("boolean"):
             return repr(bool(value))
-        case Primitive("float") if isinstance(value, float) and _LARGEST < abs(value) < _TOO_LARGE:
-            return _float(copysign(_LARGEST, value))
+        case Primitive("float") if isinstance(value, float) and LARGEST < abs(value) < _TOO_LARGE:
+            return _float(copysign(LARGEST, value))
         case Primitive("float" | "double") if isinstance(value, int | float):
             return _float(float(value))
         case Primitive("char" | "wchar") if isinstance(value, int):
