@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from forge.interfaces.model import (
@@ -54,10 +54,10 @@ class Hasher:
     """Describes and hashes the types of one catalog; descriptions are cached."""
 
     def __init__(self, catalog: Catalog) -> None:
-        structures = {name: message.members for name, message in catalog.known.items()}
+        self._structures: dict[TypeName, tuple[Field, ...]] = dict(_IMPLIED)
+        self._structures.update((name, message.members) for name, message in catalog.known.items())
         for interface in catalog.interfaces.values():
-            structures.update(structures_of(interface))
-        self._structures: Mapping[TypeName, tuple[Field, ...]] = {**_IMPLIED, **structures}
+            self._structures.update(structures_of(interface))
         self._texts: dict[TypeName, str] = {}
 
     def hash(self, name: TypeName) -> str:
@@ -71,8 +71,8 @@ class Hasher:
         types: set[TypeName] = set()
         waiting = [name]
         while waiting:
-            elements = (element_of(member.type) for member in self._structures[waiting.pop()])
-            inner = {element.name for element in elements if isinstance(element, Named)} - types
+            members = self._structures[waiting.pop()]
+            inner = {of.name for each in members if isinstance(of := element_of(each.type), Named)} - types
             types |= inner
             waiting += inner
         return sorted(types, key=str)
@@ -82,7 +82,7 @@ class Hasher:
 
     def _text(self, name: TypeName) -> str:
         if name not in self._texts:
-            fields = [{"name": each.name, "type": _described_type(each.type)} for each in self.fields(name)]
+            fields = [{"name": each.name, "type": _type(each.type)} for each in self.fields(name)]
             self._texts[name] = json.dumps({"type_name": str(name), "fields": fields})
         return self._texts[name]
 
@@ -98,53 +98,45 @@ def structures_of(interface: Interface) -> Iterator[tuple[TypeName, tuple[Field,
     """Yield each type that an interface defines or implies, with its fields; services have three."""
     for message in messages_of(interface):
         yield message.name, message.members
+    wholes: dict[TypeName, dict[str, Message | Service]] = {}
     for service in services_of(interface):
         yield service.event.name, service.event.members
-        yield (
-            service.name,
-            _fields_of(
-                request_message=service.request,
-                response_message=service.response,
-                event_message=service.event,
-            ),
-        )
+        wholes[service.name] = {
+            "request_message": service.request,
+            "response_message": service.response,
+            "event_message": service.event,
+        }
     if isinstance(interface, Action):
-        yield (
-            interface.name,
-            _fields_of(
-                goal=interface.goal,
-                result=interface.result,
-                feedback=interface.feedback,
-                send_goal_service=interface.send_goal,
-                get_result_service=interface.get_result,
-                feedback_message=interface.feedback_message,
-            ),
-        )
+        wholes[interface.name] = {
+            "goal": interface.goal,
+            "result": interface.result,
+            "feedback": interface.feedback,
+            "send_goal_service": interface.send_goal,
+            "get_result_service": interface.get_result,
+            "feedback_message": interface.feedback_message,
+        }
+    for name, parts in wholes.items():
+        yield name, tuple(Field(role, Named(part.name)) for role, part in parts.items())
 
 
-def _fields_of(**parts: Message | Service) -> tuple[Field, ...]:
-    return tuple(Field(name, Named(part.name)) for name, part in parts.items())
-
-
-def _described_type(type_: Type) -> Description:
-    string_capacity, nested = 0, ""
+def _type(type_: Type) -> Description:
+    capacity, string_capacity, nested = 0, 0, ""
     match element_of(type_):
         case Named(name):
             type_id, nested = 1, str(name)
         case String(wide, None):
             type_id = 18 if wide else 17
-        case String(wide, bound):
-            type_id, string_capacity = 22 if wide else 21, bound or 0
+        case String(wide, int(string_capacity)):
+            type_id = 22 if wide else 21
         case Primitive(name):
             type_id = _PRIMITIVE_IDS[name]
-    capacity = 0
     match type_:
         case Array(_, capacity):
             type_id += _ARRAY
         case Sequence(_, None):
             type_id += _SEQUENCE
-        case Sequence(_, bound):
-            type_id, capacity = type_id + _BOUNDED_SEQUENCE, bound or 0
+        case Sequence(_, int(capacity)):
+            type_id += _BOUNDED_SEQUENCE
     return {
         "type_id": type_id,
         "capacity": capacity,
@@ -158,8 +150,8 @@ def interface_files(catalog: Catalog) -> Callable[[Interface], Iterator[File]]:
 
     def files_of(interface: Interface) -> Iterator[File]:
         name = interface.name
-        text = json.dumps(describe(hasher, name), indent=2) + "\n"
-        yield File(f"{name.package}/{name.kind}/{name.name}.json", text)
+        text = json.dumps(describe(hasher, name), indent=2)
+        yield File(f"{name.package}/{name.kind}/{name.name}.json", f"{text}\n")
 
     return files_of
 
@@ -183,7 +175,7 @@ def described_type(hasher: Hasher, name: TypeName) -> Description:
     fields = [
         {
             "name": member.name,
-            "type": _described_type(member.type),
+            "type": _type(member.type),
             "default_value": "" if member.default is None else str(member.default),
         }
         for member in hasher.fields(name)
