@@ -330,6 +330,7 @@ def test_revisions_are_compared_with_the_working_tree(forge: Forge, tree: Tree) 
     assert ran.err.startswith("HEAD:src/p/msg/M.msg:2:")
 
 
+@reads_idl
 @pytest.mark.needs("cmake", "g++")
 def test_an_install_folder_is_a_version(forge: Forge, tree: Tree) -> None:
     """It equals its sources: generated .idl files and parts of services are nothing new."""
