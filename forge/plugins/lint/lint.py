@@ -56,7 +56,7 @@ def lint(parsed: Iterable[Parsed]) -> list[Problem]:
     all_problems = []
     for each in parsed:
         is_idl = each.source.relative.endswith(".idl")
-        problems = read_idl(each.source).warnings if is_idl else list(_comments(each.source))
+        problems: list[Problem] = read_idl(each.source).warnings if is_idl else [*_comments(each.source)]
         for message in sections_of(each.interface):
             problems += _names(message) if is_idl else (*_lines(message), *_names(message))
             problems += _unused_annotations(message)
