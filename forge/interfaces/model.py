@@ -128,7 +128,6 @@ class Service:
 
     @cached_property
     def event(self) -> Message:
-        """The derived X_Event message."""
         info = Named(TypeName("service_msgs", "msg", "ServiceEventInfo"))
         return Message(
             _suffixed(self.name, "Event"),
@@ -153,24 +152,24 @@ class Action:
 
     @cached_property
     def send_goal(self) -> Service:
-        """The derived X_SendGoal service."""
-        name = _suffixed(self.name, "SendGoal")
-        request = (Field("goal_id", _UUID), Field("goal", Named(self.goal.name)))
-        response = (Field("accepted", Primitive("boolean")), Field("stamp", _TIME))
-        return _service(name, request, response, has_events=self.has_events)
+        request = (_GOAL_ID, Field("goal", Named(self.goal.name)))
+        return self._service("SendGoal", request, (Field("accepted", Primitive("boolean")), _STAMP))
 
     @cached_property
     def get_result(self) -> Service:
-        """The derived X_GetResult service."""
-        name = _suffixed(self.name, "GetResult")
         response = (Field("status", Primitive("int8")), Field("result", Named(self.result.name)))
-        return _service(name, (Field("goal_id", _UUID),), response, has_events=self.has_events)
+        return self._service("GetResult", (_GOAL_ID,), response)
 
     @cached_property
     def feedback_message(self) -> Message:
-        """The derived X_FeedbackMessage message."""
-        fields = (Field("goal_id", _UUID), Field("feedback", Named(self.feedback.name)))
+        fields = (_GOAL_ID, Field("feedback", Named(self.feedback.name)))
         return Message(_suffixed(self.name, "FeedbackMessage"), fields)
+
+    def _service(self, suffix: str, request: tuple[Field, ...], response: tuple[Field, ...]) -> Service:
+        name = _suffixed(self.name, suffix)
+        request_message = Message(_suffixed(name, "Request"), request)
+        response_message = Message(_suffixed(name, "Response"), response)
+        return Service(name, request_message, response_message, has_events=self.has_events)
 
 
 Interface = Message | Service | Action
@@ -216,8 +215,7 @@ def messages_of(interface: Interface) -> Iterator[Message]:
         case Message():
             yield interface
         case Service():
-            yield interface.request
-            yield interface.response
+            yield from (interface.request, interface.response)
             if interface.has_events:
                 yield interface.event
         case Action():
@@ -248,21 +246,17 @@ def sections_of(interface: Interface) -> tuple[Message, ...]:
     match interface:
         case Message():
             return (interface,)
-        case Service(_, request, response):
-            return request, response
-        case Action(_, goal, result, feedback):
-            return goal, result, feedback
+        case Service():
+            return interface.request, interface.response
+        case Action():
+            return interface.goal, interface.result, interface.feedback
 
 
 def services_of(interface: Interface) -> tuple[Service, ...]:
     """Return the service itself, or the services of an action."""
-    match interface:
-        case Message():
-            return ()
-        case Service():
-            return (interface,)
-        case Action():
-            return (interface.send_goal, interface.get_result)
+    if isinstance(interface, Action):
+        return interface.send_goal, interface.get_result
+    return (interface,) if isinstance(interface, Service) else ()
 
 
 def element_of(type_: Type) -> Element:
@@ -283,20 +277,9 @@ def nested_types(messages: Iterable[Message]) -> set[TypeName]:
     return {name for message in messages for _, name in references_of(message)}
 
 
-_UUID = Named(TypeName("unique_identifier_msgs", "msg", "UUID"))
-_TIME = Named(TypeName("builtin_interfaces", "msg", "Time"))
+_GOAL_ID = Field("goal_id", Named(TypeName("unique_identifier_msgs", "msg", "UUID")))
+_STAMP = Field("stamp", Named(TypeName("builtin_interfaces", "msg", "Time")))
 
 
 def _suffixed(name: TypeName, suffix: str) -> TypeName:
     return TypeName(name.package, name.kind, f"{name.name}_{suffix}")
-
-
-def _service(
-    name: TypeName, request: tuple[Field, ...], response: tuple[Field, ...], *, has_events: bool
-) -> Service:
-    return Service(
-        name,
-        Message(_suffixed(name, "Request"), request),
-        Message(_suffixed(name, "Response"), response),
-        has_events=has_events,
-    )

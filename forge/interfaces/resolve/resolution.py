@@ -107,28 +107,20 @@ class _Search:
         waiting = [start]
         while waiting:
             for member, name in references_of(waiting.pop()):
-                if name in self.own or name in self.found:
+                if name in self.own or name in self.found or name in self._broken:
                     continue
-                message = self._look_up(name)
-                if message:
-                    waiting.append(message)
-                elif name not in self._broken:
+                try:
+                    parsed = None if name.package == self.package else self.known.find(name)
+                except InterfaceError as error:
+                    self._broken.add(name)
+                    self.problems += error.problems
+                    continue
+                if parsed and isinstance(parsed.interface, Message):
+                    self.sources[name] = parsed.source
+                    self.found[name] = parsed.interface
+                    waiting.append(parsed.interface)
+                else:
                     self.problems.append(self._unknown(start, member, name))
-
-    def _look_up(self, name: TypeName) -> Message | None:
-        if name in self._broken or name.package == self.package:
-            return None
-        try:
-            parsed = self.known.find(name)
-        except InterfaceError as error:
-            self._broken.add(name)
-            self.problems += error.problems
-            return None
-        if parsed is None or not isinstance(parsed.interface, Message):
-            return None
-        self.sources[name] = parsed.source
-        self.found[name] = parsed.interface
-        return parsed.interface
 
     def _unknown(self, start: Message, member: Field, name: TypeName) -> Problem:
         if member.place is None:
@@ -198,11 +190,10 @@ def nesting_problems(messages: Mapping[TypeName, Message]) -> list[Problem]:
 
 def cycle_problems(messages: Mapping[TypeName, Message]) -> list[Problem]:
     """Return a problem for each cycle of nested messages."""
-    needs: dict[TypeName, dict[TypeName, Field]] = defaultdict(dict)
-    for name, message in messages.items():
-        for member, inner in references_of(message):
-            if inner in messages:
-                needs[name].setdefault(inner, member)
+    needs = {
+        name: {inner: member for member, inner in [*references_of(message)][::-1] if inner in messages}
+        for name, message in messages.items()
+    }
     problems: list[Problem] = []
     while len(problems) < _MAX_REPORTED:
         try:
@@ -281,18 +272,18 @@ def dependency_catalogs(
             references[name] = require(name, known)
             waiting += [reference for _, reference in _references(references[name].interface)]
     messages = {message.name: message for p in references.values() for message in messages_of(p.interface)}
-    packages: dict[str, list[TypeName]] = defaultdict(list)
+    packages: dict[str, dict[TypeName, Parsed]] = defaultdict(dict)
     for name in sorted(references):
-        packages[name.package].append(name)
+        packages[name.package][name] = references[name]
     return tuple(
         Catalog(
             package,
-            {name: references[name].interface for name in names},
+            {name: each.interface for name, each in parsed.items()},
             messages,
-            {name: references[name].source for name in names},
+            {name: each.source for name, each in parsed.items()},
             catalog.has_descriptions,
         )
-        for package, names in packages.items()
+        for package, parsed in packages.items()
     )
 
 
