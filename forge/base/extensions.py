@@ -69,6 +69,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "diff": "forge.plugins.interface_versions.diff",
         "docs": "forge.plugins.interface_pages.command",
         "fix": "forge.plugins.interface_versions.fix",
+        "hash": "forge.plugins.interface_queries.hash",
         "proto": "forge.plugins.interface_queries.proto",
         "schema": "forge.plugins.interface_queries.schema",
     },

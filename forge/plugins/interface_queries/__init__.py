@@ -1,1 +1,1 @@
-"""`forge interface proto` and `schema`: default values of messages, and definitions as in MCAP files."""
+"""`forge interface proto`, `hash` and `schema`: defaults, type hashes, and definitions as in MCAP files."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from forge.base.errors import InterfaceError, Location, Problem
 from forge.base.frozen import frozen
 from forge.base.options import option, options_of
-from forge.cli.commands.interface.inputs import IncludeOptions, known_library, unknown_type
+from forge.cli.commands.interface.inputs import IncludeOptions, known_library
 from forge.cli.options import profile_option
 from forge.interfaces.idl import idl_text
 from forge.interfaces.model import TypeName, nested_types, sections_of
@@ -15,6 +15,7 @@ from forge.interfaces.read.parsing import Parsed
 from forge.interfaces.resolve.resolution import nested_messages, require
 from forge.interfaces.schema import SEPARATOR
 from forge.interfaces.show import parse_type_name
+from forge.plugins.interface_queries.hash import unknown_type
 
 ENCODINGS = ("ros2msg", "ros2idl")
 

@@ -276,10 +276,8 @@ endif()
 def test_an_idl_file_next_to_another_definition_is_reported(forge: Forge, tree: Tree) -> None:
     idl = "module p { module msg { struct M { short a; }; }; };\n"
     root = tree({"p/package.xml": manifest_text("p"), "p/msg/M.msg": "int8 a\n", "p/msg/M.idl": idl})
-    for words in (("diff", "p", "p"), ("hash", "--package", "p", "p")):
-        ran = forge("interface", *words, cwd=root)
-        assert ran.code == 0, ran.err
-        assert "p/msg/M.idl: warning: this definition of 'p/msg/M' is ignored" in ran.err, words
+    ran = forge("interface", "diff", "p", "p", cwd=root)
+    assert (ran.code, "p/msg/M.idl: warning: this definition of 'p/msg/M' is ignored" in ran.err) == (0, True)
 
 
 def test_packages_outside_a_workspace_are_not_searched(forge: Forge, tree: Tree) -> None:

@@ -104,7 +104,7 @@ def test_changes_are_shown_before_they_are_written(forge: Forge, tree: Tree) -> 
     )
     assert sorted(path.name for path in (root / "src/p/msg").iterdir()) == ["MyPoint.msg", "Track.msg"]
     assert (root / "src/p/msg/Track.msg").read_text() == "std_msgs/Header header\nMyPoint[] points\n"
-    assert forge("interface", "hash", "--package", "p", "src/p", cwd=root).code == 0
+    assert forge("interface", "generate", "--package", "p", "--output", "out", "src/p", cwd=root).code == 0
     assert forge("interface", "fix", "src", cwd=root).out.endswith("would change 0 files of 2\n")
 
 

@@ -39,8 +39,6 @@ def test_idl_only_types_have_their_own_namespace(forge: Forge, tree: Tree) -> No
     idl = "module tour {{ module idl {{ struct Only {{ wchar a; sequence<wchar> b; {} c; }}; }}; }};"
     folder = tree({"src/idl/Only.idl": idl.format("long double")})
     arguments = ["--package", "tour", "--output", "out", "src"]
-    hashed = forge("interface", "hash", "--package", "tour", "src", cwd=folder)
-    assert hashed.out.startswith("tour/idl/Only RIHS01_")
     ran = forge("interface", "generate", *arguments, cwd=folder)
     assert ran.code == 2
     assert ran.err.splitlines()[0].endswith("error: Python has no type for the long double 'c'")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from collections.abc import Mapping
@@ -13,7 +12,7 @@ from typing import Any
 
 from forge.base.distributions import EMBEDDED, distribution_option
 from forge.base.env_vars import compiled_templates
-from forge.base.errors import ForgeError, InterfaceError, Problem, print_warnings, raise_if_any
+from forge.base.errors import InterfaceError, Problem, print_warnings, raise_if_any
 from forge.base.extensions import VERBS
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
@@ -28,19 +27,16 @@ from forge.cli.commands.interface.inputs import (
     known_library,
     library_of,
     non_empty,
-    unknown_type,
 )
 from forge.cli.main import Parser, add_verbs_of_plugins
 from forge.cli.options import add_verb, profile_option
 from forge.engine.observed import keep
 from forge.interfaces import writing
-from forge.interfaces.hashing import hashes
-from forge.interfaces.model import Catalog, TypeName
+from forge.interfaces.model import Catalog
 from forge.interfaces.read.parsing import python_keywords
-from forge.interfaces.read.sources import Library, read_runtime
+from forge.interfaces.read.sources import read_runtime
 from forge.interfaces.resolve.resolution import (
     dependency_catalogs,
-    nested_messages,
     undeclared_dependencies,
 )
 from forge.interfaces.show import parse_type_name, show
@@ -85,19 +81,6 @@ class _ShowOptions:
     profile: str | None = profile_option()
 
 
-@frozen
-class _HashOptions:
-    what: tuple[str, ...] = option(
-        "names of types; with --package a folder of definitions",
-        default=(),
-        positional=True,
-        metavar="TYPE|SOURCE_DIR",
-    )
-    json: bool = flag("print one JSON object")
-    inputs: InputOptions = options_of(InputOptions)
-    profile: str | None = profile_option()
-
-
 def register(parser: Parser) -> None:
     verbs = parser.add_subparsers(metavar="VERB", required=True, parser_class=type(parser))
     own: dict[str, tuple[str, Any, Any]] = {
@@ -105,7 +88,6 @@ def register(parser: Parser) -> None:
         "package": ("list the interfaces of a package", _PackageOptions, _package),
         "packages": ("list the packages that have interfaces", _ListingOptions, _packages),
         "show": ("print a definition with nested messages expanded", _ShowOptions, _show),
-        "hash": ("print type hashes (RIHS01) of types or of a folder of definitions", _HashOptions, _hash),
         "generate": (
             "compile definitions to Python, C++, C, IDL, JSON, JSON Schema, TypeScript or Markdown",
             _GenerateOptions,
@@ -168,46 +150,6 @@ def _show(options: _ShowOptions) -> int:
     ):
         print(line)
     return 0
-
-
-def _hash(options: _HashOptions) -> int:
-    inputs = options.inputs
-    library = known_library(inputs.others.rosdistro, inputs.others.folders, options.profile)
-    if not (inputs.package or inputs.files or options.what):
-        hint = "name types, or a folder of definitions with --package"
-        raise ForgeError(Problem("missing names of types", hint=hint))
-    if inputs.files and not inputs.package:
-        raise ForgeError(Problem("missing package name for --file", hint="add --package NAME"))
-    if inputs.package:
-        if options.what[1:]:
-            hint = "without --package, arguments are names of types"
-            raise ForgeError(Problem("--package accepts only one folder of definitions", hint=hint))
-        folder = options.what[0] if options.what else None
-        type_hashes = hashes(catalog_of(inputs, folder, library, options.profile))
-    else:
-        type_hashes = {
-            name: _hash_of(name, library, options.profile) for name in map(parse_type_name, options.what)
-        }
-    if options.json:
-        print(json.dumps({str(name): text for name, text in type_hashes.items()}, indent=1))
-    else:
-        for name, text in type_hashes.items():
-            print(name, text)
-    return 0
-
-
-def _hash_of(name: TypeName, library: Library, profile: str | None) -> str:
-    """Return the type hash of an interface or of a type derived from one; raises InterfaceError."""
-    # A struct of an .idl file may have '_' in its name without being a derived type.
-    for base in dict.fromkeys((name, TypeName(name.package, name.kind, name.name.partition("_")[0]))):
-        parsed = library.find(base)
-        if parsed:
-            below = nested_messages(parsed, library)
-            catalog = Catalog(base.package, {base: parsed.interface}, below, {base: parsed.source})
-            type_hash = hashes(catalog).get(name)
-            if type_hash:
-                return type_hash
-    return unknown_type(name, library, profile)
 
 
 @frozen

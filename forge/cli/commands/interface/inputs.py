@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
-from typing import NoReturn
 
 from forge.base.ament_index import INDEX, prefix_of, prefixes
 from forge.base.distributions import (
@@ -224,13 +223,6 @@ def check_package(package: str, library: Library, profile: str | None) -> Path:
     require_built(package, library, profile)
     hint = hint or did_you_mean(package, library.packages())
     raise InterfaceError(Problem(f"Unknown package '{package}'", hint=hint))
-
-
-def unknown_type(name: TypeName, library: Library, profile: str | None) -> NoReturn:
-    """Raise InterfaceError for a type that is not defined."""
-    require_built(name.package, library, profile)
-    hint = did_you_mean(str(name), [str(each) for each in library.names()])
-    raise InterfaceError(Problem(f"unknown type '{name}'", hint=hint))
 
 
 def non_empty(text: str) -> str:

@@ -1,7 +1,5 @@
 """forge interface, as a user types it."""
 
-import json
-import re
 from pathlib import Path
 
 import pytest
@@ -97,14 +95,12 @@ def test_interfaces_of_the_current_workspace_need_no_sourcing(forge: Forge, tree
     root = tree(
         {**files, "install/.colcon_install_layout": "isolated\n", "src/new/msg/A.msg": "mine/Inner i\n"}
     )
-    for verb in (("show",), ("hash",)):
-        ran = forge("interface", *verb, "mine/msg/Top", cwd=root / "src")
-        assert (ran.code, ran.err) == (0, ""), verb
+    ran = forge("interface", "show", "mine/msg/Top", cwd=root / "src")
+    assert (ran.code, ran.err) == (0, "")
     assert "mine/msg/Top\n" in forge("interface", "package", "mine", cwd=root / "src").out
     assert "mine\n" in forge("interface", "packages", cwd=root).out
     assert "    mine/srv/Ask\n" in forge("interface", "list", cwd=root).out
     new = ("--package", "new", str(root / "src/new"))
-    assert forge("interface", "hash", *new, cwd=root).code == 0
     assert "mine" in forge("interface", "generate", *new, "--output", "out", cwd=root).err
 
 
@@ -123,7 +119,7 @@ def test_errors_name_the_command_that_builds_the_package(
     installed["install/.colcon_install_layout"] = "isolated\n"
     root = tree({**files, **(installed if built else {})})
     arm = "robot_msgs/msg/Arm"
-    for words in (("show", arm), ("hash", arm), ("package", "robot_msgs")):
+    for words in (("show", arm), ("package", "robot_msgs")):
         ran = forge("interface", *words, cwd=root / "src")
         assert ran.code == 2
         assert ran.err == (
@@ -165,7 +161,6 @@ def test_show_reports_its_errors(forge: Forge, tree: Tree, name: str, text: str)
     assert ran.err.splitlines()[0] == f"error: {text.replace('PREFIX', str(prefix))}"
 
 
-@reads_idl
 def test_idl_only_interfaces_are_listed(forge: Forge, tree: Tree) -> None:
     struct = "module mine { module msg { struct Short { @default (value=7) short a; }; }; };"
     other = "module mine { module idl { struct Wide { mine::msg::Short a; wchar b; }; }; };"
@@ -182,8 +177,6 @@ def test_idl_only_interfaces_are_listed(forge: Forge, tree: Tree) -> None:
     env = {"AMENT_PREFIX_PATH": str(prefix)}
     assert "    mine/idl/Wide" not in forge("interface", "list", env=env).out.splitlines()
     assert "mine/idl/Wide" in forge("interface", "package", "mine", env=env).out.splitlines()
-    hashed = forge("interface", "hash", "mine/idl/Wide", env=env)
-    assert hashed.out.startswith("mine/idl/Wide RIHS01_")
 
 
 @reads_idl
@@ -206,48 +199,6 @@ def test_generate_takes_idl_files_and_folders_of_them(forge: Forge, tree: Tree) 
     assert forge("interface", "generate", *arguments, "some", *files, cwd=root).err == ""
     for path in made:
         assert (root / "some/idl/tour" / path).read_text() == (root / "all/idl/tour" / path).read_text()
-
-
-def test_hash_prints_one_line_per_type(forge: Forge) -> None:
-    ran = forge("interface", "hash", "std_msgs/msg/Empty", "std_srvs/srv/Empty")
-    assert [line.split()[0] for line in ran.out.splitlines()] == ["std_msgs/msg/Empty", "std_srvs/srv/Empty"]
-    assert all(re.fullmatch(r"\S+ RIHS01_[0-9a-f]{64}", line) for line in ran.out.splitlines())
-    ran = forge("interface", "hash", "std_srvs/srv/Empty_Event", "--json")
-    assert list(json.loads(ran.out)) == ["std_srvs/srv/Empty_Event"]
-    ran = forge("interface", "hash", "std_srvs/srv/Empty_Goal")
-    assert (ran.code, ran.err.splitlines()[0]) == (2, "error: unknown type 'std_srvs/srv/Empty_Goal'")
-
-
-def test_hash_of_a_folder_covers_derived_types(forge: Forge, tree: Tree) -> None:
-    folder = tree({"msg/A.msg": "std_msgs/Header h", "srv/B.srv": "A a\n---\n"})
-    ran = forge("interface", "hash", "--package", "tour", str(folder))
-    names = [line.split()[0].removeprefix("tour/") for line in ran.out.splitlines()]
-    assert names == ["msg/A", "srv/B", "srv/B_Event", "srv/B_Request", "srv/B_Response"]
-
-
-@reads_idl
-def test_hash_prints_a_json_object_and_finds_names_with_underscores(forge: Forge, tree: Tree) -> None:
-    struct = "module tour {{ module msg {{ struct {} {{ long a; }}; }}; }};"
-    folder = tree({"msg/A_B.idl": struct.format("A_B"), "msg/A.idl": struct.format("A")})
-    ran = forge("interface", "hash", "--package", "tour", str(folder), "--json")
-    found = json.loads(ran.out)
-    assert list(found) == ["tour/msg/A", "tour/msg/A_B"]
-    ran = forge("interface", "hash", "tour/msg/A_B", "--include", f"tour={folder}")
-    assert ran.out == f"tour/msg/A_B {found['tour/msg/A_B']}\n"
-    assert all(re.fullmatch(r"RIHS01_[0-9a-f]{64}", text) for text in found.values())
-
-
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        ([], "missing names of types"),
-        (["--package", "tour", "a", "b"], "--package accepts only one folder of definitions"),
-        (["--file", "a:msg/A.msg", "std_msgs/msg/Empty"], "missing package name for --file"),
-    ],
-)
-def test_hash_reports_missing_definitions(forge: Forge, arguments: list[str], text: str) -> None:
-    ran = forge("interface", "hash", *arguments)
-    assert (ran.code, ran.err.splitlines()[0]) == (2, f"error: {text}")
 
 
 def test_generate_writes_a_package_with_its_dependencies(forge: Forge, tree: Tree) -> None:
