@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import graphlib
+import itertools
 import re
 import subprocess
 import sys
@@ -17,7 +18,7 @@ import pytest
 from forge.base.extensions import OWN
 from forge.base.formats import read_toml
 from tests.packages import manifest_text
-from tests.without_plugins import PLUGINS
+from tests.without_plugins import GROUPS, PLUGINS
 
 ROOT = Path(__file__).parents[1]
 
@@ -211,6 +212,12 @@ def test_quick_tests_import_only_their_own_plugin(folder: str) -> None:
     texts = [path.read_text(encoding="utf-8") for path in (ROOT / "tests" / folder).rglob("*.py")]
     named = {name for text in texts for name in re.findall(r"\b(?:forge|tests)\.plugins\.(\w+)", text)}
     assert named <= {folder.partition("/")[2]}
+
+
+def test_for_each_pair_of_plugins_a_group_has_only_the_first() -> None:
+    groups = [set(group) for group in GROUPS.values()]
+    pairs = {pair for group in groups for pair in itertools.product(group, set(PLUGINS) - group)}
+    assert pairs == set(itertools.permutations(PLUGINS, 2))
 
 
 def test_pyproject_lists_all_plugins() -> None:

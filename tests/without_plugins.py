@@ -1,6 +1,9 @@
-"""Run `make quick` without plugins and their tests: `python -m tests.without_plugins [NAME ...]`.
+"""Run `make quick` and an e2e build without plugins and their tests.
 
-Without names, all plugins are left out first, then each.
+`python -m tests.without_plugins` leaves out all plugins, then one group after the other; names choose plugins
+or groups. The plugins are numbered, and a group has those whose numbers have the same value of one bit. Two
+numbers differ in at least one bit, so for each pair of plugins one run has the second without the first: a
+plugin that needs another one is found in twelve runs.
 """
 
 import shutil
@@ -15,26 +18,41 @@ ROOT = Path(__file__).parents[1]
 PLUGINS = sorted(path.parent.name for path in (ROOT / "forge/plugins").glob("*/__init__.py"))
 ALL = "any_plugin"
 """Stands for all plugins at once."""
+GROUPS = {
+    f"bit_{bit}_is_{value}": [name for number, name in enumerate(PLUGINS) if number >> bit & 1 == value]
+    for bit in range((len(PLUGINS) - 1).bit_length())
+    for value in (0, 1)
+}
+BUILD = "tests/e2e/test_examples.py::test_python_reads_messages_printed_by_cpp[isolated]"
+"""Builds the example workspace and runs its programs."""
 
 
-def copy_without(plugin: str, copy: Path, *entries: str) -> Path:
-    """Copy files and folders of the repository, without a plugin or ALL, and its tests; return the copy."""
+def left_out(name: str) -> list[str]:
+    """Return the plugins that the name of a plugin, of a group, or ALL stands for."""
+    return PLUGINS if name == ALL else GROUPS.get(name, [name])
+
+
+def copy_without(name: str, copy: Path, *entries: str) -> Path:
+    """Copy files and folders of the repository, without a plugin, a group or ALL; return the copy.
+
+    The tests of these plugins are left out, too.
+    """
     for entry in entries:
         if (ROOT / entry).is_dir():
             shutil.copytree(ROOT / entry, copy / entry)
         else:
             shutil.copy2(ROOT / entry, copy)
     for folder in ("forge/plugins", "tests/plugins"):
-        for name in PLUGINS if plugin == ALL else [plugin]:
-            shutil.rmtree(copy / folder / name, ignore_errors=True)
+        for plugin in left_out(name):
+            shutil.rmtree(copy / folder / plugin, ignore_errors=True)
     return copy
 
 
-def passes_without(plugin: str) -> bool:
-    """Tell whether `make quick` passes in a copy of the repository without a plugin."""
-    with tempfile.TemporaryDirectory(prefix=f"without-{plugin}-") as folder:
+def passes_without(name: str) -> bool:
+    """Tell whether the tests pass in a copy of the repository without a plugin, a group or ALL."""
+    with tempfile.TemporaryDirectory(prefix=f"without-{name}-") as folder:
         entries = [path.name for path in ROOT.iterdir() if not path.name.startswith(".")]
-        copy = copy_without(plugin, Path(folder).resolve(), *entries)
+        copy = copy_without(name, Path(folder).resolve(), *entries)
         for peers in ROOT.glob(".*-peers"):
             (copy / peers.name).symlink_to(peers)
         # An environment with the packages of this one, but with forge from the copy.
@@ -50,14 +68,15 @@ def passes_without(plugin: str) -> bool:
             elif not here.exists():
                 here.symlink_to(program)
         (copy / ".venv/.ready").touch()
-        print(f"\n=== without {plugin}", flush=True)
-        return subprocess.run(["make", "quick"], cwd=copy, check=False).returncode == 0
+        print(f"\n=== without {name}: {' '.join(left_out(name))}", flush=True)
+        commands = ["make", "quick"], [copy / ".venv/bin/python", "-m", "pytest", BUILD]
+        return not any([subprocess.run(argv, cwd=copy, check=False).returncode for argv in commands])
 
 
 def main(names: list[str]) -> int:
     """Print the plugins without which tests fail; return 1 if there are any."""
-    failed = [name for name in names or [ALL, *PLUGINS] if not passes_without(name)]
-    print(f"\nfailed without: {', '.join(failed)}" if failed else "\npassed without each plugin")
+    failed = [name for name in names or [ALL, *GROUPS] if not passes_without(name)]
+    print(f"\nfailed without: {', '.join(failed)}" if failed else "\npassed without these plugins")
     return bool(failed)
 
 

@@ -540,3 +540,11 @@ def test_sources_that_changed_since_the_build_are_reported(forge: Forge, tree: T
     assert "has changed since" not in forge("test", "--packages-select", "p", cwd=root).err
     assert forge("build", cwd=root).code == 0
     assert "changed since its last build" not in forge("test", "--packages-select", "above", cwd=root).err
+
+
+def test_tests_that_are_to_be_repeated_are_not_cached(forge: Forge, built: Tree) -> None:
+    root = built(cmake_package("c", GOOD))
+    assert forge("test", "--cached", cwd=root).code == 0
+    ran = forge("test", "--cached", "--retest-until-pass", "1", cwd=root)
+    assert "all tests run: '--cached' has no effect with '--retest-until-pass'" in ran.err
+    assert "cached" not in ran.out

@@ -181,25 +181,6 @@ def test_unobservable_programs_are_reported(forge: Forge, tree: Tree, tmp_path: 
     assert ran.code == 0
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        ["--watch"],
-        ["--executor", "dask", "--scheduler", "tcp://127.0.0.1:1"],
-        ["--compiler-launcher", "ccache"],
-        ["--target", "aarch64-linux-gnu"],
-    ],
-)
-def test_options_that_prevent_observation_are_rejected(
-    forge: Forge, tree: Tree, tmp_path: Path, options: list[str]
-) -> None:
-    root = tree(outside(tmp_path)) / "ws"
-    ran = forge("build", "--audit", *options, cwd=root)
-    assert ran.code == 2
-    assert "--audit cannot be combined with" in ran.err
-    assert not (root / "install/a").exists()
-
-
 def test_an_audit_without_a_compiler_is_rejected(forge: Forge, tree: Tree, tmp_path: Path) -> None:
     root = tree(outside(tmp_path)) / "ws"
     programs = tmp_path / "bin"

@@ -43,3 +43,9 @@ def test_json_describes_the_workspace_and_its_packages(forge: Forge, workspace: 
     assert said["python"].keys() == {"path", "version", "origin"}
     (package,) = said["packages"]
     assert package["dependencies"] == {"build": ["a"], "run": ["a"], "test": []}
+
+
+def test_platforms_of_cross_builds_are_printed(forge: Forge, tree: Tree) -> None:
+    files = {f"install/{folder}/.colcon_install_layout": "isolated\n" for folder in ("", "aarch64-linux-gnu")}
+    root = tree({"src/a/package.xml": manifest_text("a"), **files})
+    assert "  built for other platforms: aarch64-linux-gnu\n" in forge("info", cwd=root).out
