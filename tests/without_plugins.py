@@ -69,7 +69,7 @@ def passes_without(name: str) -> bool:
                 here.symlink_to(program)
         (copy / ".venv/.ready").touch()
         print(f"\n=== without {name}: {' '.join(left_out(name))}", flush=True)
-        commands = ["make", "quick"], [copy / ".venv/bin/python", "-m", "pytest", BUILD]
+        commands = ["make", "quick"], [str(copy / ".venv/bin/python"), "-m", "pytest", BUILD]
         return not any([subprocess.run(argv, cwd=copy, check=False).returncode for argv in commands])
 
 

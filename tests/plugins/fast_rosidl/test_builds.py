@@ -109,14 +109,6 @@ def precompiled(root: Path) -> list[Path]:
     return list(root.glob("build/forge_toolchain/headers/*/*/*.gch"))
 
 
-@pytest.mark.needs("ccache")
-def test_a_compiler_launcher_gets_no_precompiled_headers(tree: Tree) -> None:
-    """What is compiled with them would not be cached."""
-    root = tree(interface_package("fast_msgs", SMALL))
-    assert build(root, "--compiler-launcher", "ccache").returncode == 0
-    assert not precompiled(root)
-
-
 def test_precompiled_headers_are_not_inputs_of_the_package(built: Path) -> None:
     for path in precompiled(built):
         path.unlink()

@@ -145,11 +145,3 @@ def test_only_leading_includes_are_shared(tree: Tree) -> None:
     build(root)
     assert not precompiled(root)
     assert said(root, "node_1") == "HELLO from node_1!\n"
-
-
-@pytest.mark.needs("ccache")
-def test_compiler_launchers_get_no_precompiled_headers(tree: Tree) -> None:
-    """What is compiled with it would not be cached."""
-    root = tree(FILES)
-    build(root, "--compiler-launcher", "ccache")
-    assert not precompiled(root)
