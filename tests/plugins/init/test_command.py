@@ -1,4 +1,4 @@
-"""`forge init` writes valid files whose commands work, and never over a file."""
+"""`forge init` writes valid files, and never over a file."""
 
 import json
 import re
@@ -11,8 +11,7 @@ import yaml
 
 from forge.base.formats import read_toml
 from forge.plugins.init import command
-from tests.conftest import Forge, Ran, Tree
-from tests.testable import cmake_package
+from tests.conftest import Forge, Tree
 
 ALL = ("--vscode", "--github", "--gitlab", "--devcontainer")
 VSCODE = {f".vscode/{name}.json" for name in ("settings", "tasks", "launch", "extensions")}
@@ -40,10 +39,6 @@ def initialized(forge: Forge, root: Path) -> Path:
     assert ran.out == "".join(f"creating {line.split()[1]}\n" for line in ran.out.splitlines())
     assert files(root) == {line.split()[1] for line in ran.out.splitlines()} == EVERYTHING
     return root
-
-
-def typed(text: str) -> list[str]:
-    return re.findall(r"^forge .*$", text, re.MULTILINE)
 
 
 def test_only_requested_files_are_written(forge: Forge, root: Path) -> None:
@@ -127,53 +122,6 @@ def test_scripts_are_valid_for_the_shell(initialized: Path) -> None:
     assert len(steps) == 3
     for script in (*scripts(initialized), *steps, container["postCreateCommand"]):
         subprocess.run(["bash", "-n", "-c", script], check=True)
-
-
-@pytest.mark.needs("cmake", "ninja")
-def test_the_commands_of_the_jobs_work_in_a_checkout(forge: Forge, initialized: Path, tree: Tree) -> None:
-    tree({f"{initialized.name}/{path}": text for path, text in cmake_package("a").items()})
-    env = {"FORGE_CACHE_DIR": str(initialized / ".forge-cache")}
-    done = [command for script in scripts(initialized) for command in typed(script)]
-    of_one = [
-        "forge build --cache",
-        "forge test --return-code-on-test-failure",
-        "forge cache prune --size 2G",
-    ]
-    assert done == [*of_one, *of_one]
-    for line in of_one:
-        ran = forge(*line.split()[1:], cwd=initialized, env=env)
-        assert (ran.code, ran.err) == (0, ""), line
-
-
-@pytest.mark.needs("cmake", "ninja")
-def test_the_editor_builds_in_separate_folders(forge: Forge, initialized: Path, tree: Tree) -> None:
-    install = "add_executable(x x.cpp)\ninstall(TARGETS x DESTINATION lib/a)"
-    lists = f"cmake_minimum_required(VERSION 3.16)\nproject(a CXX)\n{install}\n"
-    tree({f"{initialized.name}/src/a/{name}": text for name, text in {"CMakeLists.txt": lists}.items()})
-    (initialized / "src/a/x.cpp").write_text("int main() {}\n")
-    tasks = json.loads((initialized / ".vscode/tasks.json").read_text())["tasks"]
-    for line in (task["command"] for task in tasks):
-        words, _, output = line.partition(" > ")
-        ran: Ran = forge(*words.split()[1:], cwd=initialized)
-        assert ran.code == 0, line
-        if output:
-            (initialized / output).write_text(ran.out)
-    settings = json.loads((initialized / ".vscode/settings.json").read_text())
-    folder = settings["clangd.arguments"][0].removeprefix("--compile-commands-dir=${workspaceFolder}/")
-    assert (initialized / folder / "compile_commands.json").is_file()
-    assert f"{initialized}/install-debug" in (initialized / ".env").read_text()
-    launch = json.loads((initialized / ".vscode/launch.json").read_text())
-    program = launch["configurations"][0]["program"]
-    for name, value in {
-        "workspaceFolder": str(initialized),
-        "input:package": "a",
-        "input:program": "x",
-    }.items():
-        program = program.replace(f"${{{name}}}", value)
-    assert Path(program).is_file()
-    labels = {task["label"] for task in tasks}
-    assert {each["preLaunchTask"] for each in launch["configurations"]} <= labels
-    assert not (initialized / "build").exists()
 
 
 def test_jobs_install_forge_from_the_origin_of_the_running_one(
