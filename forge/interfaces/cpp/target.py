@@ -60,10 +60,6 @@ _LIKELY_MACROS = frozenset(
     }
 )
 
-_CLEARED = "_init == Initialization::ALL || _init == Initialization::ZERO"
-_DEFAULTED = "_init == Initialization::ALL || _init == Initialization::DEFAULTS_ONLY"
-_ZEROED = "_init == Initialization::ZERO"
-
 _ALLOCATED: dict[type[Type], str] = {Named: "_alloc, _init", String: "_alloc", Sequence: "_alloc"}
 """The constructor arguments of members that take an allocator."""
 
@@ -218,23 +214,19 @@ def _struct(message: Message, enumerated: Mapping[str, Enumeration]) -> SimpleNa
         allocating_initializers=",\n    ".join(allocated),
         allocating_statements=used if allocated else ["(void)_alloc;", *used],
         blocks=blocks,
-        enumerations=_enumerations(message, enumerated),
+        enumerations=[
+            SimpleNamespace(
+                alias=each.name,
+                name=f"{message.name.name}_{each.name}",
+                type=spell(each.type),
+                members=[(name, literal(value, each.type)) for name, value in each.members],
+                distinct=[name for name, _ in each.distinct],
+                fields=" and ".join(f"'{field}'" for field, other in enumerated.items() if other == each),
+            )
+            for each in dict.fromkeys(enumerated.values())
+        ],
         comparison=" &&\n           ".join(f"{f.name} == _other.{f.name}" for f in members),
     )
-
-
-def _enumerations(message: Message, found: Mapping[str, Enumeration]) -> list[SimpleNamespace]:
-    return [
-        SimpleNamespace(
-            alias=each.name,
-            name=f"{message.name.name}_{each.name}",
-            type=spell(each.type),
-            members=[(name, literal(value, each.type)) for name, value in each.members],
-            distinct=[name for name, _ in each.distinct],
-            fields=" and ".join(f"'{field}'" for field, other in found.items() if other == each),
-        )
-        for each in dict.fromkeys(found.values())
-    ]
 
 
 def _initializations(members: Iterable[Field]) -> list[tuple[str, list[str]]]:
@@ -258,8 +250,12 @@ def _initializations(members: Iterable[Field]) -> list[tuple[str, list[str]]]:
                 zeroed.append(f"{field.name}.fill(typename _{field.name}_type::value_type(_init));")
         if field.default not in (None, (), ""):
             defaulted.append(f"{field.name} = {literal(field.default, field.type)};")
-    blocks = ((_CLEARED, cleared), (_DEFAULTED, defaulted), (_ZEROED, zeroed))
-    return [(condition, statements) for condition, statements in blocks if statements]
+    blocks = {
+        "_init == Initialization::ALL || _init == Initialization::ZERO": cleared,
+        "_init == Initialization::ALL || _init == Initialization::DEFAULTS_ONLY": defaulted,
+        "_init == Initialization::ZERO": zeroed,
+    }
+    return [(condition, statements) for condition, statements in blocks.items() if statements]
 
 
 def _builder_steps(message: Message) -> Iterator[SimpleNamespace]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from forge.base.text import counted
-from forge.interfaces.model import Array, Element, Named, Primitive, Sequence, String, Type, Value
+from forge.interfaces.model import Array, Primitive, Sequence, String, Type, Value
 
 
 class ParseError(Exception):
@@ -54,7 +54,7 @@ def read_value(text: str, type_: Type) -> Value:
     Raises ParseError if it is malformed, out of range, or too long.
     """
     match type_:
-        case Array(of) | Sequence(of):
+        case Array(Primitive() | String() as of) | Sequence(Primitive() | String() as of):
             values = _collection(text, of)
             check_length(values, type_)
             return values
@@ -62,7 +62,7 @@ def read_value(text: str, type_: Type) -> Value:
             return within_bound(_text(text), type_)
         case Primitive(name):
             return _number(text, name)
-        case Named():
+        case _:
             raise ParseError("a field of a message type cannot have a default", hint="remove the value")
 
 
@@ -95,15 +95,13 @@ def check_range(value: int, name: str, text: str, *, octet: str = "octet") -> No
         raise ParseError(f"'{text}' is out of range for {kind}", hint=f"the range is {low} to {high}")
 
 
-def _collection(text: str, of: Element) -> tuple[bool | int | float | str, ...]:
-    if isinstance(of, Named):
-        raise ParseError("a field of a message type cannot have a default", hint="remove the value")
+def _collection(text: str, of: Primitive | String) -> tuple[bool | int | float | str, ...]:
     if not (text.startswith("[") and text.endswith("]") and len(text) > 1):
         raise ParseError("expected brackets around the value of an array", hint="for example [1, 2, 3]")
     inside = text[1:-1]
     if not inside:
         return ()
-    if isinstance(of, String):
+    if not isinstance(of, Primitive):
         return tuple(within_bound(value, of) for value in _texts(inside))
     values = []
     offset = 1

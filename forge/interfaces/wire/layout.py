@@ -243,8 +243,6 @@ class MessageLayout:
                     size += count * body.min_size
                 case MessageCall():
                     size += 1
-                case _:
-                    pass
         return size
 
 
@@ -276,20 +274,17 @@ class LayoutBuilder:
 
     def is_large(self, name: TypeName) -> bool:
         """Return True if the message is too large to be inlined into others."""
-        return self._weight(name) > INLINE_LIMIT
-
-    def _weight(self, name: TypeName) -> int:
         if name not in self._weights:
             members = self.known[name].members
             self._weights[name] = sum(self._weight_of(member.type) for member in members)
-        return self._weights[name]
+        return self._weights[name] > INLINE_LIMIT
 
     def _weight_of(self, type_: Type) -> int:
         match type_:
             case Array(of) | Sequence(of):
                 return 1 + self._weight_of(of)
             case Named(name):
-                return 1 if self.is_large(name) else self._weight(name)
+                return 1 if self.is_large(name) else self._weights[name]
             case _:
                 return 1
 
