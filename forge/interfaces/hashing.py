@@ -59,12 +59,15 @@ class Hasher:
         for interface in catalog.interfaces.values():
             self._structures.update(structures_of(interface))
         self._texts: dict[TypeName, str] = {}
+        self._hashes: dict[TypeName, str] = {}
 
     def hash(self, name: TypeName) -> str:
         """Return the hash: 'RIHS01_' and 64 hexadecimal digits."""
-        referenced = ", ".join(map(self._text, self.referenced(name)))
-        text = f'{{"type_description": {self._text(name)}, "referenced_type_descriptions": [{referenced}]}}'
-        return f"RIHS01_{hashlib.sha256(text.encode()).hexdigest()}"
+        if name not in self._hashes:
+            texts = ", ".join(map(self._text, self.referenced(name)))
+            text = f'{{"type_description": {self._text(name)}, "referenced_type_descriptions": [{texts}]}}'
+            self._hashes[name] = f"RIHS01_{hashlib.sha256(text.encode()).hexdigest()}"
+        return self._hashes[name]
 
     def referenced(self, name: TypeName) -> list[TypeName]:
         """Return all types that `name` refers to, directly or indirectly, sorted by name."""
@@ -98,25 +101,32 @@ def structures_of(interface: Interface) -> Iterator[tuple[TypeName, tuple[Field,
     """Yield each type that an interface defines or implies, with its fields; services have three."""
     for message in messages_of(interface):
         yield message.name, message.members
-    wholes: dict[TypeName, dict[str, Message | Service]] = {}
     for service in services_of(interface):
         yield service.event.name, service.event.members
-        wholes[service.name] = {
-            "request_message": service.request,
-            "response_message": service.response,
-            "event_message": service.event,
-        }
+        yield (
+            service.name,
+            _fields_of(
+                request_message=service.request,
+                response_message=service.response,
+                event_message=service.event,
+            ),
+        )
     if isinstance(interface, Action):
-        wholes[interface.name] = {
-            "goal": interface.goal,
-            "result": interface.result,
-            "feedback": interface.feedback,
-            "send_goal_service": interface.send_goal,
-            "get_result_service": interface.get_result,
-            "feedback_message": interface.feedback_message,
-        }
-    for name, parts in wholes.items():
-        yield name, tuple(Field(role, Named(part.name)) for role, part in parts.items())
+        yield (
+            interface.name,
+            _fields_of(
+                goal=interface.goal,
+                result=interface.result,
+                feedback=interface.feedback,
+                send_goal_service=interface.send_goal,
+                get_result_service=interface.get_result,
+                feedback_message=interface.feedback_message,
+            ),
+        )
+
+
+def _fields_of(**parts: Message | Service) -> tuple[Field, ...]:
+    return tuple(Field(name, Named(part.name)) for name, part in parts.items())
 
 
 def _type(type_: Type) -> Description:
