@@ -101,6 +101,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "ignored-packages": "forge.plugins.ignore.ignoring",
         "library-abi": "forge.plugins.library_abi.relinking",
         "missing-packages": "forge.plugins.failure_hints.missing",
+        "failed-tests": "forge.plugins.single_tests.failures",
         "mixin": "forge.plugins.mixins.mixins",
         "package-memory": "forge.plugins.package_memory.measuring",
         "packages-select-changed": "forge.plugins.git_changes.changes",

@@ -12,7 +12,7 @@ from forge.base.layout import SCRATCH_DIR
 from forge.build.model import BuildInputs, Fingerprint
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from forge.build.up_to_date import InputChange
     from forge.workspace.model import Package
@@ -160,15 +160,3 @@ def step_line(step: Step, environment: Path | None = None) -> str:
     source = f". {shlex.quote(str(environment))} && " if environment else ""
     variables = "".join(f"{name}={shlex.quote(value)} " for name, value in step.env)
     return f"{source}cd {shlex.quote(str(step.cwd))} && {variables}{shlex.join(step.argv)}"
-
-
-def short_step_line(step: Step, environment: Path, displayed: Callable[[Path], str]) -> str:
-    """Return `step_line` for a terminal: in a subshell, with displayed paths, programs on PATH by name."""
-    import shutil  # takes 3 ms
-
-    program, *arguments = step.argv
-    name = Path(program).name
-    argv = (name if shutil.which(name) == program else program, *arguments)
-    variables = "".join(f"{name}={shlex.quote(value)} " for name, value in step.env)
-    source, folder = (shlex.quote(displayed(path)) for path in (environment, step.cwd))
-    return f"(. {source} && cd {folder} && {variables}{shlex.join(argv)})"

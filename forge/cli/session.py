@@ -128,8 +128,8 @@ class Session:
         plan: BuildPlan,
         runner: TaskRunner,
         scheduler: Scheduler,
-        resolve: Callable[[Task], Task | None],
-        record: Callable[[Event], object],
+        resolve: Callable[[Task], Task | None] = lambda task: task,
+        record: Callable[[Event], object] = lambda _: None,
     ) -> None:
         """Run the plan; pass each event to `record`, then to the reporters.
 

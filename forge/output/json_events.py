@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 
 from forge.base.errors import EXIT_INTERRUPTED, Problem
@@ -28,7 +28,6 @@ from forge.build.events import (
 )
 from forge.build.tasks import BuildPlan, Step
 from forge.output.console import ConsoleReporter
-from forge.testing.outcomes import Failure
 from forge.workspace.model import Package
 
 
@@ -105,12 +104,6 @@ class JsonEvents:
                 self.emit("Aborted", name, seconds=round(seconds, 3))
             case Skipped(name, because):
                 self.emit("Skipped", name, because=because)
-
-    def report_failures(self, failures: Iterable[Failure]) -> None:
-        for failure in failures:
-            file, line = failure.location or (None, None)
-            values = {"test": failure.test, "message": list(failure.lines), "repeat": failure.repeat}
-            self.emit("TestFailure", failure.package, file=file, line=line, **values)
 
     def conclude(self, report: ConsoleReporter, seconds: float, code: int | None = None) -> None:
         """Write the results, ending with a Summary; `code` overrides the exit code of the report."""

@@ -4,4 +4,4 @@ Start reading at `preparing` (the plan of a run; forge.build.tests defines the s
 files to counts and cases).
 """
 
-__all__ = ["cases", "collecting", "outcomes"]
+__all__ = ["collecting", "outcomes"]

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import os
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, astuple, replace
 from operator import add
-from pathlib import Path
 
 from forge.base.frozen import frozen
 from forge.base.text import counted
@@ -275,38 +272,6 @@ def _verdict(test: Element) -> Counts:
 
 
 _SHOWN_LINES = 6
-_SHOWN_FAILURES = 50
-
-
-@frozen
-class Failure:
-    """A failed test: its package, name, message, and a command that repeats it, whole and as displayed."""
-
-    package: str
-    test: str
-    lines: tuple[str, ...]
-    repeat: str
-    displayed: str
-    location: tuple[str, int] | None = None
-    """The file and line where it failed, if its result names an existing file."""
-
-
-_IN_TEXT = re.compile(r'^(?:[^\n:]*: )?([^\n:"]+\.\w+):(\d+)\b|File "([^"\n]+)", line (\d+)', re.MULTILINE)
-"""Locations in the formats of compilers, gtest, assert(), pytest and Python's tracebacks."""
-
-
-def location_of(case: Case, folders: Sequence[Path]) -> tuple[str, int] | None:
-    """Return the first location in a failed case whose file exists; relative paths are below a folder.
-
-    The first one is usually in the test itself, the last one in a function that it called.
-    """
-    texts = (*case.errors, *case.failures, case.text)
-    locations = [(m[1] or m[3], m[2] or m[4]) for text in texts for m in _IN_TEXT.finditer(text)]
-    for file, line in (*locations, (case.file, case.line)):
-        for folder in folders if file and line.isdecimal() else ():
-            if (path := folder / file.strip()).is_file():
-                return os.path.normpath(path), int(line)
-    return None
 
 
 def details(case: Case) -> list[str]:
@@ -344,20 +309,6 @@ def first_lines(cases: Sequence[Case]) -> tuple[str, ...]:
 
 def last_lines(text: str) -> tuple[str, ...]:
     return tuple(_filled_lines(text)[-_SHOWN_LINES:])
-
-
-def table(failures: Sequence[Failure], every: str) -> Iterator[str]:
-    """Yield a description of each failure with a command to repeat it; `every` is the command for all."""
-    if not failures:
-        return
-    yield f"{counted(len(failures), 'failed test')}:"
-    for failure in failures[:_SHOWN_FAILURES]:
-        yield f"  {failure.package}: {failure.test}"
-        yield from (f"      {line}" for line in failure.lines)
-        yield f"    repeat: {failure.displayed}"
-    left = len(failures) - _SHOWN_FAILURES
-    if left > 0:
-        yield f"  and {left} more: {every}"
 
 
 def as_json(outcomes: Iterable[Outcome]) -> list[dict[str, object]]:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-import re
 import shutil
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import field, replace
 from pathlib import Path
@@ -15,36 +14,16 @@ from forge.base.errors import Problem
 from forge.base.files import delete_tree, replace_file
 from forge.base.frozen import frozen
 from forge.base.layout import TEST_RESULT
-from forge.build.events import Aborted, Event, Finished
+from forge.build.events import Aborted, Event, Finished, StepFinished
 from forge.build.folder_marks import mark_result_dir
 from forge.build.model import BuildInputs, BuildRecord
-from forge.build.tasks import (
-    TEST_FAILURES,
-    Step,
-    StepKind,
-    Task,
-    environment_file,
-    short_step_line,
-    step_line,
-)
+from forge.build.tasks import TEST_FAILURES, Step, StepKind, Task
 from forge.build.tests.recipes import TestContext, error_result, parallel_folder
 from forge.environment.sourcing import build_environment
 from forge.execution.runner import TaskLifecycle
 from forge.execution.started import BUILD_FOLDER_VARIABLE
-from forge.testing.cases import selector, variables_for
 from forge.testing.collecting import collect, last_run
-from forge.testing.outcomes import (
-    Case,
-    Counts,
-    Failure,
-    Outcome,
-    counted_once,
-    find_junit,
-    first_lines,
-    label,
-    last_lines,
-    location_of,
-)
+from forge.testing.outcomes import Counts, Outcome, counted_once
 
 
 @frozen
@@ -205,18 +184,35 @@ class TestSetup(TaskLifecycle):
         self.results_of(task)
         return BuildRecord(BuildInputs())
 
+    def note(self, event: Event, task: Task, failed_tests: set[str]) -> None:
+        """Add a package to `failed_tests` if one of its tests has failed, and write colcon's marker file.
 
-def write_result_file(event: Event, task: Task, failed_tests: Collection[str]) -> None:
-    """Write colcon's marker file with the result of a package, which selection options read."""
-    match event:
-        case Finished(name, code):
-            result = TEST_FAILURES if not code and name in failed_tests else str(code)
-        case Aborted():
-            result = "SIGINT"
-        case _:
-            return
-    if task.build_dir.is_dir():
-        replace_file(task.build_dir / TEST_RESULT, f"{result}\n".encode())
+        A result may contain failures, or be unreadable, although the program exited with 0, or be valid
+        although the program failed. Options that select packages read the marker file.
+        """
+        match event:
+            case StepFinished(_, step, code):
+                if step.meaning(code) == TEST_FAILURES:
+                    self.failed.add(task.name)
+                return
+            case Finished(name, code):
+                fault = f"exited with code {code}" if code else ""
+                if name in failed_tests:
+                    fault = "reported failed tests, but no result contains one"
+                elif name in self.failed and not any(one.counts.tests for one in self.results_of(task)):
+                    fault = "reported failed tests, but ran no test when repeated"
+                if any(outcome.counts.bad for outcome in self.results_of(task, fault)):
+                    failed_tests.add(name)
+                result = TEST_FAILURES if not code and name in failed_tests else str(code)
+                passed = not code and name not in self.failed | failed_tests
+            case Aborted():
+                result, passed = "SIGINT", False
+            case _:
+                return
+        if task.build_dir.is_dir():
+            replace_file(task.build_dir / TEST_RESULT, f"{result}\n".encode())
+        if self.cached:
+            self.cached.keep(task, self.results_of(task) if passed else (), passed=passed)
 
 
 def write_results_of_untested(
@@ -244,73 +240,6 @@ def total_counts(tasks: Iterable[Task], setup: TestSetup) -> Counts | None:
     # The files of one package may be in two folders.
     once = (counted_once([replace(outcome, home="") for outcome in outcomes]) for outcomes in results)
     return sum((outcome.counts for outcomes in once for outcome in outcomes), Counts())
-
-
-def failures_of(task: Task, setup: TestSetup, displayed: Callable[[Path], str] = str) -> Iterator[Failure]:
-    """Yield the failed tests of a package in its last run."""
-    results, step = setup.results_of(task), task.steps[-1]
-    not_run = str(setup.context.not_run(task.name))
-    for case in (case for outcome in results if outcome.path == not_run for case in outcome.cases):
-        yield _failure(task, case.name, [case], first_lines([case]), step, displayed)
-    results = tuple(outcome for outcome in results if outcome.path != not_run)
-    if step.kind is StepKind.CTEST:
-        runs = [outcome for outcome in results if outcome.by_name]
-        others = [outcome for outcome in results if not outcome.by_name]
-        # Results of parallel tests are in the order in which they ended.
-        for case in sorted((case for outcome in runs for case in outcome.cases), key=lambda each: each.name):
-            # The JUnit file of the test is preferred to its output.
-            homes = {one.home for one in others}
-            junit = next(filter(None, (find_junit(case.name, home, others) for home in homes)), None)
-            cases = junit.cases if junit and junit.cases else (case,)
-            lines = last_lines(case.text) if cases == (case,) else first_lines(cases)
-            argv = (task.steps[0].argv[0], "-V", "-R", f"^{re.escape(case.name)}$")
-            again = replace(task.steps[0], argv=argv, env=(), cwd=task.build_dir)
-            alone_by = [(each, variables_for(junit.path, each, task.name)) for each in cases] if junit else []
-            if alone_by and all(variables for _, variables in alone_by):
-                for each, variables in alone_by:
-                    alone = replace(again, env=variables)
-                    yield _failure(
-                        task, label(each, task.name), [each], first_lines([each]), alone, displayed
-                    )
-                continue
-            yield _failure(task, case.name, cases, lines, again, displayed)
-        # Failures that CTest does not report: in files of tests that it considers successful.
-        failed = {case.name for outcome in runs for case in outcome.cases}
-        for outcome in (one for one in others if one.test not in failed):
-            for case in outcome.cases:
-                name = outcome.path if outcome.is_unreadable else f"{outcome.test}: {case.name}"
-                yield _failure(task, name, [case], first_lines([case]), step, displayed)
-        return
-    exists = lambda path: (step.cwd / path).is_file()  # noqa: E731  (a question, not a function)
-    for outcome in results:
-        for case in outcome.cases:
-            words = selector(case, task.name, step.kind, exists)
-            # If there is no result or no way to select a single test, repeat the whole run.
-            needs_all = step.kind is StepKind.TEST or case.name.endswith(".missing_result")
-            single = replace(step, argv=(step.argv[0], "-m", step.kind.value, *words), env=())
-            repeat = step if needs_all or outcome.is_unreadable else single
-            yield _failure(task, label(case, task.name), [case], first_lines([case]), repeat, displayed)
-
-
-def _failure(
-    task: Task,
-    test: str,
-    cases: Sequence[Case],
-    lines: tuple[str, ...],
-    repeat: Step,
-    displayed: Callable[[Path], str],
-) -> Failure:
-    file = environment_file(task)
-    folders = (repeat.cwd, task.package.path.absolute(), task.build_dir)
-    locations = filter(None, (location_of(case, folders) for case in cases))
-    return Failure(
-        task.name,
-        test,
-        lines,
-        step_line(repeat, file),
-        short_step_line(repeat, file, displayed),
-        next(locations, None),
-    )
 
 
 def _link_to_results(task: Task) -> Path:

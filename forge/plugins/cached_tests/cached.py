@@ -15,15 +15,16 @@ import resource
 import stat
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from heapq import merge
 from pathlib import Path
 
-from forge.base.errors import WorkspaceError
+from forge.base.env_vars import own_cache
+from forge.base.errors import Problem, WarningReporter, WorkspaceError
 from forge.base.files import read_file, remove_tree, replace_file
 from forge.base.frozen import frozen
-from forge.base.layout import PASSED_TESTS_FILE, TEST_SCRATCH_DIR
+from forge.base.layout import OWN_CACHE_DIR, PASSED_TESTS_FILE, TEST_FILE_TABLE, TEST_SCRATCH_DIR
 from forge.base.xml import Element, as_utf8, parse_xml
 from forge.build.inputs.fingerprints import (
     DIR_LISTING_SUFFIX,
@@ -33,11 +34,13 @@ from forge.build.inputs.fingerprints import (
     digest_strings,
     is_written_since,
 )
+from forge.build.journal import open_journal
 from forge.build.observed_writes import begin_log, read_steps, remove_log
 from forge.build.tasks import CACHED, NOT_CACHED, Task
+from forge.build.tests.recipes import TestContext
 from forge.engine.commands import CACHED_BYTECODE
 from forge.engine.observation import KINDS_FOR_TESTS, ObservedStep
-from forge.engine.observer import observed
+from forge.engine.observer import compile_library, observed
 from forge.execution.job_pool import without_job_variables
 from forge.execution.started import is_running
 from forge.testing.outcomes import Outcome
@@ -102,6 +105,31 @@ class _Run:
     declared: Mapping[str, str]
     libraries: tuple[str, ...]
     """The folders that the dynamic linker searches unobserved."""
+
+
+def open_cached_tests(
+    context: TestContext,
+    needs: Mapping[str, Sequence[str]],
+    variables: Mapping[str, str],
+    warn: WarningReporter,
+) -> CachedTests | None:
+    """Return the records of passed tests, None if another option requires that all tests run."""
+    others = ("coverage", "pytest_with_coverage", "retest_until_fail", "retest_until_pass")
+    if contrary := next((name for name in others if getattr(context.options, name)), None):
+        warn([Problem(f"all tests run: '--cached' has no effect with '--{contrary.replace('_', '-')}'")])
+        return None
+    layout = context.layout
+    records = open_journal(layout.build).records
+    folder = own_cache(variables) or layout.build / OWN_CACHE_DIR
+    library = None if layout.target else compile_library(folder, variables)
+    if library is None:
+        warn([Problem("no pass is recorded: tests cannot be observed here without a C compiler")])
+    return CachedTests(
+        library,
+        FileTable(layout.build / TEST_FILE_TABLE),
+        context.results_of,
+        lambda name: {need: records[need].installed.digest for need in needs[name] if need in records},
+    )
 
 
 class CachedTests:

@@ -1,1 +1,1 @@
-"""Single tests on the command line: `forge test PACKAGE::TEST`, and `--last-failed`."""
+"""Single tests: `forge test PACKAGE::TEST`, `--last-failed`, and a table of failed tests with commands."""

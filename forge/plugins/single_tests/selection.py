@@ -17,7 +17,7 @@ from forge.base.text import listed
 from forge.base.xml import as_utf8, parse_xml
 from forge.build.tasks import StepKind, Task
 from forge.build.tests.recipes import ChosenTests, TestContext, known_cases_file
-from forge.testing.cases import NOT_LOADED, selector, variables_for
+from forge.plugins.single_tests.cases import NOT_LOADED, selector, variables_for
 from forge.testing.collecting import collect
 from forge.testing.outcomes import (
     BrokenResultError,
