@@ -12,7 +12,7 @@ from forge.base.files import read_file, text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.names import is_safe_name
 from forge.base.xml import as_utf8, mentions, parse_xml
-from forge.build.folder_marks import is_own_result_dir, sources_in
+from forge.build.folder_marks import is_own_result_dir
 from forge.testing.outcomes import (
     BrokenResultError,
     NotAResultError,
@@ -189,22 +189,3 @@ def _is_of_colcon(path: Path, package: str) -> bool:
     cases = [case for suite in (root, *root.all("testsuite")) for case in suite.all("testcase")]
     classes = [case.attributes.get("classname", "").partition(".")[0] for case in cases]
     return bool(classes) and set(classes) == {package}
-
-
-def removable_results(found: Collection, base: Path) -> tuple[str, ...]:
-    """Return the result files to delete: all in marked folders, elsewhere those at the expected paths.
-
-    Files in sources, such as test data, are kept.
-    """
-
-    def is_removable(path: str) -> bool:
-        for folder in Path(path).parents:
-            if is_own_result_dir(folder):
-                return True
-            if sources_in(folder):
-                return False
-            if folder == base:
-                break
-        return path in found.expected
-
-    return tuple(filter(is_removable, found.files))

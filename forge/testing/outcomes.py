@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, astuple, replace
+from dataclasses import astuple, replace
 from operator import add
 
 from forge.base.frozen import frozen
@@ -274,23 +274,6 @@ def _verdict(test: Element) -> Counts:
 _SHOWN_LINES = 6
 
 
-def details(case: Case) -> list[str]:
-    """Return colcon's lines for a case; the first one starts with a dash."""
-    place = f"({case.file}{f':{case.line}' if case.line else ''})" if case.file else ""
-    lines = [" ".join(filter(None, (case.suite, case.name, place)))]
-    for label, texts in (
-        ("error message", case.errors),
-        ("failure message", case.failures),
-        ("stdout output", case.stdout),
-        ("stderr output", case.stderr),
-    ):
-        if texts:
-            lines.append(f"<<< {label}")
-            lines += [f"  {line}" for text in texts for line in text.strip("\r\n").splitlines()]
-            lines.append(">>>")
-    return [f"{'-' if number == 0 else ' '} {line}" for number, line in enumerate(lines)]
-
-
 def label(case: Case, package: str) -> str:
     """Return the name of a test in the summary: its suite and name, without that of the package."""
     return f"{case.suite}.{case.name}".removeprefix(f"{package}.").removeprefix(".")
@@ -309,27 +292,6 @@ def first_lines(cases: Sequence[Case]) -> tuple[str, ...]:
 
 def last_lines(text: str) -> tuple[str, ...]:
     return tuple(_filled_lines(text)[-_SHOWN_LINES:])
-
-
-def as_json(outcomes: Iterable[Outcome]) -> list[dict[str, object]]:
-    return [
-        {
-            "path": outcome.path,
-            **asdict(outcome.counts),
-            "cases": [
-                {
-                    "suite": case.suite,
-                    "name": case.name,
-                    "file": case.file or None,
-                    "line": int(case.line) if case.line.isdecimal() else None,
-                    "errors": list(case.errors),
-                    "failures": list(case.failures),
-                }
-                for case in outcome.cases
-            ],
-        }
-        for outcome in outcomes
-    ]
 
 
 def _filled_lines(text: str) -> list[str]:

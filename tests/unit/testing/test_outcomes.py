@@ -12,7 +12,6 @@ from forge.testing.outcomes import (
     Counts,
     Outcome,
     counted_once,
-    details,
     first_lines,
     last_lines,
     read_ctest,
@@ -57,22 +56,6 @@ def junit(text: str) -> Outcome:
 
 def ctest(text: str) -> Outcome:
     return read_ctest(parse_xml(text.encode(), Path("Test.xml")), "build/p/Testing/1/Test.xml", "build/p")
-
-
-def test_failed_tests_are_printed_as_by_colcon() -> None:
-    bad, worse = junit(JUNIT).cases
-    assert details(bad) == [
-        "- p.test_a test_bad (test_a.py:7)",
-        "  <<< failure message",
-        "    assert 1 == 2",
-        "      more",
-        "  >>>",
-        "  <<< stdout output",
-        "    hello",
-        "  >>>",
-    ]
-    assert details(worse) == ["- p.test_a test_worse", "  <<< error message", "    boom", "  >>>"]
-    assert bad.text == "long\nstory"
 
 
 @pytest.mark.parametrize("number", ["-1", "many", "", "1.5"])

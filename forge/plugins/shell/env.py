@@ -7,7 +7,6 @@ import os
 import re
 import shlex
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 
 from forge.base.errors import Problem, SelectionError, raise_if_any
@@ -16,15 +15,6 @@ from forge.base.names import did_you_mean
 from forge.base.options import option
 from forge.cli.options import install_base_option, profile_option
 from forge.environment.sourcing import sourced_environment
-
-_SPECIAL = re.compile(r'[\\"$`]')
-_ESCAPED = r"\\\g<0>"
-
-
-def as_dotenv(variables: Mapping[str, str]) -> str:
-    """Return a .env file for editors and containers."""
-    lines = (f'{name}="{_SPECIAL.sub(_ESCAPED, value)}"' for name, value in sorted(variables.items()))
-    return "".join(f"{line}\n" for line in lines)
 
 
 @frozen
@@ -60,6 +50,8 @@ def run(options: Options) -> int:
         case "json":
             text = json.dumps({**changed, **dict.fromkeys(gone)}, indent=2, sort_keys=True) + "\n"
         case _:
-            text = as_dotenv(changed)  # which cannot unset variables
+            # For editors and containers; it cannot unset variables.
+            escaped = {name: re.sub(r'([\\"$`])', r"\\\1", value) for name, value in changed.items()}
+            text = "".join(f'{name}="{value}"\n' for name, value in sorted(escaped.items()))
     sys.stdout.write(text)
     return 0

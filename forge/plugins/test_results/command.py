@@ -13,9 +13,13 @@ from forge.base.errors import Problem, WorkspaceError, print_problem
 from forge.base.frozen import frozen
 from forge.base.layout import forge_command
 from forge.base.options import flag, option
+from forge.build.folder_marks import is_own_result_dir, sources_in
+from forge.build.journal import open_journal
+from forge.build.preflight import is_removed_package
 from forge.cli import options as shared
-from forge.testing.collecting import Collection, collect, removable_results
-from forge.testing.outcomes import Counts, Outcome, as_json, counted_once, details
+from forge.testing.collecting import Collection, collect
+from forge.testing.outcomes import Case, Counts, Outcome, counted_once
+from forge.workspace.discovery import discover
 
 
 def _folder(path: str) -> Path:
@@ -66,7 +70,7 @@ def run(options: Options) -> int:
     shown = [outcome for outcome in outcomes if outcome.counts.bad or options.all]
     total = _sum(outcomes)
     if options.json:
-        print(json.dumps({"summary": asdict(total), "results": as_json(shown)}, indent=2))
+        print(json.dumps({"summary": asdict(total), "results": [_as_json(each) for each in shown]}, indent=2))
     elif options.result_files_only:
         print(*(outcome.path for outcome in shown), sep="\n", end="\n" if shown else "")
     else:
@@ -92,9 +96,60 @@ def run(options: Options) -> int:
     return int(total.bad)
 
 
+def details(case: Case) -> list[str]:
+    """Return colcon's lines for a case; the first one starts with a dash."""
+    place = f"({case.file}{f':{case.line}' if case.line else ''})" if case.file else ""
+    lines = [" ".join(filter(None, (case.suite, case.name, place)))]
+    for label, texts in (
+        ("error message", case.errors),
+        ("failure message", case.failures),
+        ("stdout output", case.stdout),
+        ("stderr output", case.stderr),
+    ):
+        if texts:
+            lines.append(f"<<< {label}")
+            lines += [f"  {line}" for text in texts for line in text.strip("\r\n").splitlines()]
+            lines.append(">>>")
+    return [f"{'-' if number == 0 else ' '} {line}" for number, line in enumerate(lines)]
+
+
+def _as_json(outcome: Outcome) -> dict[str, object]:
+    cases = [
+        {
+            "suite": case.suite,
+            "name": case.name,
+            "file": case.file or None,
+            "line": int(case.line) if case.line.isdecimal() else None,
+            "errors": list(case.errors),
+            "failures": list(case.failures),
+        }
+        for case in outcome.cases
+    ]
+    return {"path": outcome.path, **asdict(outcome.counts), "cases": cases}
+
+
+def _removable_results(found: Collection, base: Path) -> tuple[str, ...]:
+    """Return the result files to delete: all in marked folders, elsewhere those at the expected paths.
+
+    Files in sources, such as test data, are kept.
+    """
+
+    def is_removable(path: str) -> bool:
+        for folder in Path(path).parents:
+            if is_own_result_dir(folder):
+                return True
+            if sources_in(folder):
+                return False
+            if folder == base:
+                break
+        return path in found.expected
+
+    return tuple(filter(is_removable, found.files))
+
+
 def _delete(found: Collection, base: Path, options: Options) -> int:
     """Delete result files after confirmation; the end of input aborts."""
-    files = removable_results(found, base)
+    files = _removable_results(found, base)
     for path in sorted({*found.files} - {*files}):
         message = f"kept '{shared.displayed(path, options.origin)}', which is not a result of forge's tests"
         print_problem(Problem(message), "warning")
@@ -122,10 +177,6 @@ def _sum(outcomes: Sequence[Outcome]) -> Counts:
 
 def _gone(base: Path) -> frozenset[str]:
     """Return the packages built below `base` that are no longer in the workspace."""
-    from forge.build.journal import open_journal
-    from forge.build.preflight import is_removed_package
-    from forge.workspace.discovery import discover
-
     lost = {
         name
         for name, record in open_journal(base).records.items()

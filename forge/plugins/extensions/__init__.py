@@ -1,0 +1,1 @@
+"""`forge extensions`: lists the extension points, and what extends them."""

@@ -1,0 +1,1 @@
+"""`forge test-result`: summarizes and deletes the result files of tests."""
