@@ -123,6 +123,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
     SUGGESTIONS: {"words": "forge.plugins.suggestions.suggestions"},
     REPORTERS: {
         "coverage": "forge.plugins.coverage.reporter",
+        "event_log": "forge.plugins.colcon_logs.reporter",
         "github": "forge.plugins.ci.github",
         "gitlab": "forge.plugins.ci.gitlab",
         "status": "forge.plugins.charts.status",

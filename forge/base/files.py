@@ -176,7 +176,7 @@ def not_regular_reason(path: str | Path, status: os.stat_result) -> str:
 
 
 @contextlib.contextmanager
-def naming(path: Path) -> Iterator[None]:
+def naming(path: Path | str) -> Iterator[None]:
     """Add the path to OSErrors that have none, as for files that are already open."""
     try:
         yield

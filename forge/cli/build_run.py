@@ -139,12 +139,11 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
         slots = slots if remote else min(slots, job_pool.jobs)
         session.start_reporters(
             options.reporters,
-            plan,
-            build.variables,
-            build.interpreter.path,
-            job_pool.jobs,
-            mode.warn,
-            packages_memory,
+            variables=build.variables,
+            python=build.interpreter.path,
+            jobs=job_pool.jobs,
+            warn=mode.warn,
+            memory=packages_memory,
         )
         session.json_events.announce(seconds=state.seconds())
         alone = options.execution.executor == SEQUENTIAL

@@ -6,23 +6,21 @@
 from __future__ import annotations
 
 import os
-import sys
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from forge.base.errors import Problem, WarningReporter
+from forge.base.errors import Problem
 from forge.base.layout import Layout
 from forge.base.text import listed
-from forge.build.events import Event, Finished, Started
+from forge.build.events import Event, Finished
 from forge.build.tasks import BuildPlan, Task
 from forge.cli.options import displayed
 from forge.execution.loop import Scheduler, execute
-from forge.execution.memory import PackageMemory
 from forge.execution.runner import TaskRunner
 from forge.output.console import ConsoleReporter
 from forge.output.handlers import TEXT_HANDLERS, ReportOptions
@@ -32,15 +30,11 @@ from forge.output.reporters import Reporter, Run, Start, ask
 from forge.workspace.model import Package
 from forge.workspace.selection import Query
 
-_MOST_NEEDS = 100_000
-"""Writing this number of dependencies to the log takes a tenth of a second."""
-
 
 @dataclass
 class Session:
     """The reporters of one run and its loop; used by the main thread only."""
 
-    command: str
     began: float
     """The monotonic time at which the command started."""
     log: LogWriter
@@ -49,41 +43,18 @@ class Session:
     json_events: JsonEvents
     opened: ExitStack
     """Closes the reporters of plugins."""
-    durations: Mapping[str, float]
-    """The duration of earlier builds of packages."""
-    profile: str = ""
+    run_information: Run
+    """What reporters get to know; `start_reporters` completes it."""
     reporters: dict[str, Reporter] = field(default_factory=dict)
     complete: bool = False
 
-    def start_reporters(
-        self,
-        reporters: Mapping[str, Start],
-        plan: BuildPlan,
-        variables: Mapping[str, str],
-        python: Path,
-        jobs: int,
-        warn: WarningReporter,
-        memory: PackageMemory | None = None,
-    ) -> None:
-        run = Run(
-            command=self.command,
-            plan=plan,
-            root=Path.cwd(),
-            variables=variables,
-            python=python,
-            jobs=jobs,
-            warn=warn,
-            log_folder=self.log.folder,
-            clock=self.json_events.begun,
-            displayed=self.report.displayed,
-            profile=self.profile,
-            seconds=self.durations,
-            memory=memory,
-            collapsed=self.report.collapsed,
-            say=lambda line: self._say([line]),
-        )
+    def start_reporters(self, reporters: Mapping[str, Start], **information: Any) -> None:
+        """Start the reporters of plugins; `information` are further attributes of their Run."""
+        run = replace(self.run_information, coloured=self.log.coloured, **information)
         if status := self.options.status:
             reporters = {"status": status, **reporters}
+        if run.log_folder is not None and (event_log := self.options.event_log):
+            reporters = {"event_log": event_log, **reporters}
         for name, start in reporters.items():
             self.reporters[name] = reporter = ask(name, start, run)
             self.opened.callback(ask, name, reporter.close)
@@ -94,9 +65,9 @@ class Session:
         self.report.folds_on_stderr = self.json_events.printed
 
     def _tell(self, reporter: Reporter, event: Mapping[str, Any]) -> None:
-        self._say(reporter.observe(event))
+        self.say(reporter.observe(event))
 
-    def _say(self, lines: Iterable[str]) -> None:
+    def say(self, lines: Iterable[str]) -> None:
         """Print lines of a reporter; with --json, stdout contains only events."""
         for line in lines:
             self.write(f"{line}\n", stderr=self.json_events.printed)
@@ -117,7 +88,7 @@ class Session:
         """Log the results and let reporters write files; `code` overrides the exit code of the report."""
         self.json_events.conclude(self.report, seconds, code)
         for name, reporter in self.reporters.items():
-            ask(name, lambda each: self._say(each.write()), reporter)
+            ask(name, lambda each: self.say(each.write()), reporter)
 
     @property
     def seconds(self) -> float:
@@ -140,7 +111,7 @@ class Session:
             for event in events:
                 record(event)
                 # The log comes first: it must be complete if a later reporter fails.
-                self.log.write(event, failed_tests=event.task in self.report.failed_tests)
+                self.log.write(event)
                 for name, reporter in self.reporters.items():
                     ask(name, reporter.follow, event)
                 self.report.show(event)
@@ -156,9 +127,6 @@ class Session:
     def fail_unbuilt(self, name: str, problem: Problem) -> None:
         """Report a package that cannot be tested."""
         failed = Finished(name, 1, 0.0)
-        self.log.announce({name: {}})
-        self.log.write(Started(name))
-        self.log.write(failed)
         self.report.show(failed)
         self.json_events.write(failed, self.report, problem)
 
@@ -184,7 +152,7 @@ def open_session(
     origin: str = os.curdir,
     **surroundings: Any,
 ) -> Iterator[Session]:
-    """Yield the session of a command for the packages of `query`; `needs` are dependencies for the log.
+    """Yield the session of a command for the packages of `query` with their dependencies.
 
     `seconds` contains the duration of earlier builds of packages. A `quiet` session prints failures only.
     `cmake_variables` are those passed to all packages; `surroundings` is the context for hints, as in
@@ -192,45 +160,36 @@ def open_session(
     user named. Paths are displayed relative to `origin`.
     """
     handlers, durations = options.handlers, seconds or {}
-    # Embedded packages are rebuilt only for a new version of forge or new options.
-    collapsed = frozenset(
-        name
-        for name, task in plan.tasks.items()
-        if task.embedded and name in durations and name not in query.named
-    )
-    # Options by their names in colcon, for the log.
-    values: dict[str, object] = {
-        "build_base": str(layout.build),
-        "install_base": str(layout.install),
-        "merge_install": layout.merged,
-        "symlink_install": layout.symlink,
-        "base_paths": list(query.search.base_paths),
-        "packages_select": None if query.select is None else list(query.select),
-        "packages_skip": list(query.skip),
-    }
-    with closing(open_log(layout.logs, command, sys.argv, **values)) as log:
+    with closing(open_log(layout.logs, command)) as log, ExitStack() as opened:
         shown = {**handlers, **dict.fromkeys(TEXT_HANDLERS if options.json or quiet else (), False)}
         report = ConsoleReporter(plan, packages, shown, log.folder, cmake_variables)
         report.surroundings = {"flags": options.flags, **surroundings}
-        report.collapsed = collapsed
+        # Embedded packages are rebuilt only for a new version of forge or new options.
+        report.collapsed = frozenset(
+            name
+            for name, task in plan.tasks.items()
+            if task.embedded and name in durations and name not in query.named
+        )
         root = Path.cwd()
         report.displayed = lambda path: (
             displayed(path.relative_to(root), origin) if path.is_relative_to(root) else str(path)
         )
         direct = handlers["console_direct"]
         json_events = JsonEvents(plan, packages, log=log.note, printed=options.json, output=direct)
-        if log.folder is not None:
-            # colcon lists other packages only when it builds. Indirect dependencies are omitted for packages
-            # that are up to date, which start and end at once, and for all packages if there are too many.
-            jobs = {name: needs.get(name, ()) for name in plan.fresh}
-            direct = sum(len(task.needs) for task in plan.tasks.values()) > _MOST_NEEDS
-            for name, task in plan.tasks.items():
-                jobs[name] = needs.get(name, ()) if direct else task.needs or needs.get(name, ())
-            others = packages.items() if command == "build" else ()
-            unselected = [name for name, each in others if name not in jobs and not each.embedded]
-            queued = {name: {need: layout.prefix(need) for need in below} for name, below in jobs.items()}
-            log.announce(queued, unselected=unselected, fresh=plan.fresh)
-        with ExitStack() as opened:
-            yield Session(
-                command, began, log, options, report, json_events, opened, durations, layout.profile
-            )
+        run = Run(
+            command=command,
+            plan=plan,
+            packages=packages,
+            needs=needs,
+            query=query,
+            layout=layout,
+            root=root,
+            log_folder=log.folder,
+            clock=json_events.begun,
+            displayed=report.displayed,
+            seconds=durations,
+            collapsed=report.collapsed,
+            say=lambda line: session.say([line]),
+        )
+        session = Session(began, log, options, report, json_events, opened, run)
+        yield session

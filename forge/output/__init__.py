@@ -3,4 +3,4 @@
 All reporters listen to the events in `build.events`.
 """
 
-__all__ = ["console", "handlers", "hints", "reporters"]
+__all__ = ["console", "handlers", "hints", "logs", "reporters"]

@@ -5,20 +5,23 @@ They are entry points of the group 'forge.reporters', which docs/how-to/plugins.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from forge.base.errors import Problem
+from forge.base.errors import Problem, print_warnings
 from forge.base.extensions import OWN, REPORTERS, call, find
 from forge.base.frozen import frozen
+from forge.base.layout import Layout
 from forge.build.events import Event
 from forge.build.tasks import BuildPlan
+from forge.workspace.selection import Query
 
 if TYPE_CHECKING:
     from forge.execution.memory import PackageMemory
     from forge.output.console import Screen
+    from forge.workspace.model import Package
 
 Start = Callable[["Run"], "Reporter"]
 """The function `start` of a reporter's module, called before the first package starts."""
@@ -32,25 +35,32 @@ class Run:
 
     command: str
     plan: BuildPlan
+    layout: Layout
     root: Path
-    variables: Mapping[str, str]
-    python: Path
-    jobs: int
-    warn: Callable[[Iterable[Problem]], None]
     log_folder: Path | None
     clock: float
     """The monotonic time at which the times of events start."""
     displayed: Callable[[Path], str]
     """Returns a path as the user expects it in a message."""
-    profile: str = ""
+    query: Query = field(default_factory=Query)
+    packages: Mapping[str, Package] = field(default_factory=dict)
+    """All packages of the workspace."""
+    needs: Mapping[str, Collection[str]] = field(default_factory=dict)
+    """The dependencies of packages."""
     seconds: Mapping[str, float] = field(default_factory=dict)
     """The duration of the last build of packages."""
-    memory: PackageMemory | None = None
-    """The memory of the packages, if they are built on this machine."""
     collapsed: frozenset[str] = frozenset()
     """Packages that get no separate lines unless they fail."""
     say: Callable[[str], None] = print
     """Prints a line at once."""
+    variables: Mapping[str, str] = field(default_factory=dict)
+    python: Path = Path()
+    jobs: int = 0
+    warn: Callable[[Iterable[Problem]], None] = print_warnings
+    memory: PackageMemory | None = None
+    """The memory of the packages, if they are built on this machine."""
+    coloured: bool = False
+    """Whether forge asked compilers for colours."""
 
 
 @frozen

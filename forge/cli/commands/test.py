@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
+from collections.abc import Mapping
 from contextlib import AbstractContextManager, closing
 from dataclasses import replace
 from pathlib import Path
@@ -30,7 +31,7 @@ from forge.execution.options import JobOptions
 from forge.execution.runner import LocalExecutor, TaskRunner
 from forge.execution.started import StartedProcesses
 from forge.output.handlers import ReportOptions
-from forge.output.reporters import Report
+from forge.output.reporters import Report, Start
 from forge.testing import preparing, running
 from forge.testing.collecting import result_folder_problems
 from forge.testing.preparing import RestoredSetup, has_no_tests, not_runnable, plan_restored
@@ -137,6 +138,12 @@ def run(given: Options) -> int:
         limit = 1 if alone else min(jobs.parallel_workers or job_pool.jobs, job_pool.jobs)
         return Scheduler(plan, limit, continue_on_error=not options.abort_on_error, in_order=alone)
 
+    def start_reporters(session: Session, starts: Mapping[str, Start]) -> None:
+        session.start_reporters(
+            starts, variables=variables, python=context.python, jobs=job_pool.jobs, warn=warn
+        )
+        session.json_events.announce()
+
     with (
         lock_build_dir(layout.build, wait=not folders.no_wait) as waited,
         closing(open_test_job_pool(jobs, variables)) as job_pool,
@@ -148,8 +155,7 @@ def run(given: Options) -> int:
             note = f"building the tests of {counted(len(restored.tasks), 'package')} from the cache"
             print(note, file=sys.stderr if reports.json else sys.stdout, flush=True)
             with session_of(restored) as session:
-                session.start_reporters({}, restored, variables, context.python, job_pool.jobs, warn)
-                session.json_events.announce()
+                start_reporters(session, {})
                 runner = TaskRunner(RestoredSetup(variables), LocalExecutor(job_pool, started), job_pool)
                 session.run(restored, runner, scheduler_of(restored))
                 failed = bool(session.report.tally.failed)
@@ -159,8 +165,7 @@ def run(given: Options) -> int:
             [name for name in built if name not in unbuilt], loaded, context, warn
         )
         with session_of(plan) as session:
-            session.start_reporters(reporters, plan, variables, context.python, job_pool.jobs, warn)
-            session.json_events.announce()
+            start_reporters(session, reporters)
             # They count as failed; the others are still tested.
             for problem in dict.fromkeys(absent.values()):
                 print_problem(problem)

@@ -69,7 +69,7 @@ class Coverage(Reporter):
         if other := [task.name for task in compiled if task.steps and task not in counting]:
             names = ", ".join(f"'{name}'" for name in other)
             words = f"build --mixin coverage --packages-select {' '.join(other)}"
-            hint = forge_command(words, run.profile)
+            hint = forge_command(words, run.layout.profile)
             run.warn([Problem(f"not built for coverage: {names}", hint=hint)])
         self._run = run
         self._gcovr = str(gcovr)

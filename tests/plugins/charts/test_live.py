@@ -16,6 +16,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from forge.base.errors import WarningReporter
+from forge.base.layout import Layout
 from forge.build.events import Finished, Skipped, Started, StepStarted
 from forge.build.tasks import BuildPlan, Step, StepKind, Task
 from forge.output.reporters import Run
@@ -40,6 +41,7 @@ def live_build(tmp_path: Path) -> LiveBuild:
     run = Run(
         command="build",
         plan=BuildPlan(tasks),
+        layout=Layout(tmp_path / "build", tmp_path / "install", None),
         root=tmp_path,
         variables=os.environ,
         python=Path(sys.executable),

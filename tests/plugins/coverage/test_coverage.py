@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from forge.base.errors import HostError, WarningReporter
+from forge.base.layout import Layout
 from forge.build.tasks import BuildPlan, Step, StepKind, Task
 from forge.output.reporters import Report, Run
 from forge.plugins.coverage.reporter import Coverage, CoveredLines, gcov_of, summary_lines
@@ -39,6 +40,7 @@ def run(
     return Run(
         command="test",
         plan=BuildPlan({task.name: task for task in tasks}),
+        layout=Layout(root / "build", root / "install", None),
         root=root,
         variables=variables,
         python=Path(python),
