@@ -24,6 +24,7 @@ __all__ = [
     "recipes",
     "records",
     "reuse",
+    "snapshot",
     "state",
     "tasks",
     "tests",

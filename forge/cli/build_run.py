@@ -13,10 +13,8 @@ from typing import TYPE_CHECKING
 from forge.base.env_vars import SEQUENTIAL, own_cache, without_secrets
 from forge.base.errors import WorkspaceError, raise_if_any
 from forge.base.extensions import OPTIONS, find, is_installed, own_plugin
-from forge.base.frozen import Pairs
 from forge.base.layout import MEMORY_FILE, OWN_CACHE_DIR, PROGRAMS_DIR
 from forge.build.events import Event
-from forge.build.recipes.cmake import common_arguments
 from forge.build.recipes.extensions import active_extensions
 from forge.build.state import BuildState
 from forge.build.tasks import BuildPlan
@@ -24,7 +22,6 @@ from forge.cli.preparation import PreparedBuild
 from forge.cli.session import Session, open_session
 from forge.engine.observation import COLOURS_VARIABLE
 from forge.engine.observer import compile_library
-from forge.engine.variables import relevant_environment
 from forge.environment.prefixes import find_underlays, provider
 from forge.execution.executor import Executor, ExecutorContext
 from forge.execution.job_pool import open_job_pool, without_job_variables
@@ -36,14 +33,12 @@ from forge.execution.started import StartedProcesses
 from forge.execution.task_setup import TaskSetup
 from forge.toolchain.cmake_variables import defined
 from forge.toolchain.compiler_launchers import LauncherStats
-from forge.toolchain.languages import any_enables_cxx
 from forge.toolchain.programs import ninja_first, program_of
 from forge.toolchain.resources import LIBRARY_PATH_BELOW, gcc_heap, memory
 from forge.workspace.model import CMAKE_TYPES
 from forge.workspace.resolve import GENERATORS
 
 if TYPE_CHECKING:
-    from forge.cache.model import PackageCache
     from forge.execution.task_setup import Seed
 
 
@@ -92,7 +87,11 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             )
         ) as job_pool,
         _session(plan, build, state) as session,
-        _package_cache(build, state, observed=bool(library) and not remote) as cache,
+        (
+            find(OPTIONS, "cache", "option").open_cache(build, state, observed=bool(library) and not remote)
+            if options.cache.wanted
+            else nullcontext()
+        ) as cache,
     ):
         variables = {
             **without_job_variables(build.variables),
@@ -110,6 +109,9 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             variables[COLOURS_VARIABLE] = "1"
             session.log.coloured = True
         variables |= ninja_first(context.ninja, context.layout.build / PROGRAMS_DIR, build.variables)
+        seed: Seed | None = None
+        if is_installed(OPTIONS, "toolchain-cache") and not options.cmake.no_toolchain_cache:
+            seed = find(OPTIONS, "toolchain-cache", "option").seed_of(plan, build, state, library)
         lifecycle = TaskSetup(
             build.loaded.resolution,
             context.layout,
@@ -117,7 +119,7 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             variables,
             state,
             cache,
-            _toolchain(plan, build, state, library),
+            seed,
             audit and audit.collect,
             observes=library is not None and not remote and not audit,
         )
@@ -207,7 +209,7 @@ def _workers(
         environment = dict(stack.enter_context(build.mode.worker(plan, library, has_rosidl=has_rosidl)))
         if context.recipes and compiles:
             packages = [task.package for task in plan.tasks.values()]
-            variables, compilers = without_secrets(build.variables), _compilers(build)
+            variables, compilers = without_secrets(build.variables), build.compilers
             for extension in active_extensions(context):
                 environment |= stack.enter_context(extension.running(packages, context, variables, compilers))
         yield environment
@@ -239,67 +241,6 @@ def _session(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> Abstra
         whereabouts=partial(advice.whereabouts, context.root, context.layout) if advice else lambda _: None,
         origin=build.options.origin,
     )
-
-
-def _package_cache(
-    build: PreparedBuild, state: BuildState, *, observed: bool
-) -> AbstractContextManager[PackageCache | None]:
-    """Return the package cache as a context manager; it yields None if the cache is not used."""
-    options, loaded = build.options, build.loaded
-    if not options.cache.wanted:
-        return nullcontext(None)
-    plugin = find(OPTIONS, "cache", "option", ("open_cache",))
-    cache: AbstractContextManager[PackageCache] = plugin.open_cache(
-        options.cache,
-        loaded.workspace.root,
-        build.context.layout,
-        state,
-        build.variables,
-        build.mode.warn,
-        needs=loaded.resolution.needs,
-        tools=build.context.tools,
-        forced=frozenset(loaded.selection.names) if options.forced_by else frozenset(),
-        values=dict(relevant_environment(build.variables)),
-        observed=observed,
-    )
-    return cache
-
-
-def _toolchain(plan: BuildPlan, build: PreparedBuild, state: BuildState, library: Path | None) -> Seed | None:
-    """Return the function that copies detected compilers into new build folders of CMake packages.
-
-    None with --no-toolchain-cache, without its plugin or CMake, and if ament packages get extra arguments,
-    which may select another compiler.
-    """
-    context = build.context
-    if build.options.cmake.no_toolchain_cache or context.cmake is None or context.ament_cmake_args:
-        return None
-    if not is_installed(OPTIONS, "toolchain-cache"):
-        return None
-    # Unlike the embedded one, other versions of ament_cmake look for Python.
-    ament = build.loaded.resolution.packages.get("ament_cmake")
-    uses_ament = any(task.package.build_type == "ament_cmake" for task in plan.tasks.values())
-    python = context.python if uses_ament and not (ament and ament.embedded) else None
-    packages = (task.package for task in plan.tasks.values() if not task.package.embedded)
-    languages = "C CXX" if any_enables_cxx(packages) else "C"
-    arguments = common_arguments(context)
-    plugin = find(OPTIONS, "toolchain-cache", "option", ("Toolchain",))
-    toolchain = plugin.Toolchain(
-        context.layout.build,
-        context.cmake,
-        arguments,
-        _compilers(build),
-        python,
-        languages=languages,
-        observed=plugin.Surroundings(state.world, state.table, library),
-    )
-    seed: Seed = toolchain.seed
-    return seed
-
-
-def _compilers(build: PreparedBuild) -> Pairs:
-    """Return the inputs of every compilation: programs by their identities, and variables."""
-    return (*build.context.tools, *relevant_environment(build.variables))
 
 
 def warn_of_packages(plan: BuildPlan, build: PreparedBuild) -> None:

@@ -30,7 +30,7 @@ from forge.base.errors import (
 )
 from forge.base.extensions import OPTIONS, RECIPES, UNDERLAYS, absent, find, installed, own_plugin
 from forge.base.files import current_umask, names_in
-from forge.base.frozen import frozen
+from forge.base.frozen import Pairs, frozen
 from forge.base.graph import closure
 from forge.base.layout import NO_CODE, OWN_CACHE_DIR, PACKAGE, PACKAGE_LOCK, Layout, own_folders
 from forge.build import folder_marks, planning
@@ -117,6 +117,11 @@ class PreparedBuild:
     cross: CrossBuild | None
     began: float
     """The monotonic start time."""
+
+    @property
+    def compilers(self) -> Pairs:
+        """The inputs of every compilation: programs by their identities, and variables."""
+        return (*self.context.tools, *relevant_environment(self.variables))
 
 
 def _load(

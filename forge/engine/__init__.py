@@ -1,3 +1,3 @@
 """Observation of build steps: the files that they read, write and execute, and the consequences."""
 
-__all__ = ["accesses", "commands", "observation", "observer", "world"]
+__all__ = ["accesses", "commands", "observation", "observer", "variables", "world"]

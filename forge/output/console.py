@@ -5,15 +5,13 @@ As in colcon, progress goes to stdout and failures go to stderr.
 
 from __future__ import annotations
 
-import re
 import shlex
 import sys
 from collections import defaultdict
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from forge.base.colours import Palette, palette_of
-from forge.base.extensions import OPTIONS, own_plugin
+from forge.base.extensions import OPTIONS, find, is_installed, own_plugin
 from forge.base.frozen import frozen
 from forge.base.layout import LAST_COMMAND
 from forge.base.signals import ignore_closed_output
@@ -94,103 +92,6 @@ class PackageFailure:
     hint: str | None = None
 
 
-_COMMAND = re.compile(rb"\[\d+/\d+\] ")
-_WARNING = re.compile(rb":(?: |\x1b\[[\d;]*[mK])*warning: ")
-"""The message of a compiler or linker, perhaps coloured."""
-_MOST = 1_000_000
-"""The maximum number of bytes kept of the output of one package."""
-
-_CMAKE = re.compile(
-    rb"^CMake (?:Deprecation )?Warning[^\n]*\n"
-    rb"(?:(?:[ \t][^\n]*|\r?|Call Stack \([^\n]*|This warning is for project developers[^\n]*)\n)*",
-    re.MULTILINE,
-)
-_LOCATION = re.compile(rb"\A(CMake [^\n]*?) (?:at|in) [^\n]*?:\d+")
-_SHORT = 2
-"""Names of this length are probably words, as in 'a future version'."""
-
-_CALL_STACK = re.compile(rb"^Call Stack \(.*", re.MULTILINE | re.DOTALL)
-
-
-class CompilerWarnings:
-    """Collects the output of the commands of one package that print warnings.
-
-    With make, warnings of compilers reach the user on stderr. Ninja prints them to its own stdout: a line for
-    each command that has ended, followed by everything that the command printed.
-    """
-
-    def __init__(self) -> None:
-        self._command: list[bytes] | None = None
-        self._found: list[bytes] = []
-        self._room = _MOST
-
-    def add(self, lines: bytes) -> None:
-        """Read complete lines of a build tool's stdout."""
-        for line in lines.splitlines(keepends=True):
-            if _COMMAND.match(line):
-                self.end_step()
-                self._command = []
-            elif self._command is not None and self._room > 0:
-                self._command.append(line)
-                self._room -= len(line)
-
-    def end_step(self) -> None:
-        """Drop the output of the current command unless it contains a warning."""
-        text = b"".join(self._command or ())
-        if _WARNING.search(text):
-            self._found.append(text)
-        else:
-            self._room += len(text)
-        self._command = None
-
-    @property
-    def text(self) -> bytes:
-        return b"".join(self._found)
-
-
-class RepeatedWarnings:
-    """The kinds of warnings of one build, and the packages that printed each.
-
-    CMake prints the same deprecation for every package of a workspace, and so does setuptools; each kind is
-    shown once. Two warnings are of the same kind if they differ only in their location and in the name of the
-    package.
-    """
-
-    def __init__(self) -> None:
-        self._first: dict[bytes, str] = {}
-        self._repeated: dict[str, dict[str, None]] = {}
-
-    def take(self, package: str, output: bytes) -> bytes:
-        """Return the output of a package without the warnings that an earlier package printed."""
-        return b"".join(text for text in _texts(output) if self._is_new(package, text))
-
-    def _is_new(self, package: str, text: bytes) -> bool:
-        # Ignore differences between packages, such as line breaks that depend on names.
-        text = _CALL_STACK.sub(b"", _LOCATION.sub(rb"\1", text)) if text.startswith(b"CMake ") else text
-        if len(package) > _SHORT:
-            name = re.escape(package.encode())
-            text = re.sub(rb"(?<![\w-])" + name + rb"(?![\w-])", b"<package>", text)
-        first = self._first.setdefault(b" ".join(text.split()), package)
-        if first != package and text.strip():
-            self._repeated.setdefault(first, {})[package] = None
-        return first == package
-
-    @property
-    def packages(self) -> dict[str, tuple[str, ...]]:
-        """The packages whose warnings were left out, by the package that printed them first."""
-        return {first: tuple(sorted(others)) for first, others in sorted(self._repeated.items())}
-
-
-def _texts(output: bytes) -> Iterator[bytes]:
-    """Yield each warning of CMake and the texts between them."""
-    end = 0
-    for match in _CMAKE.finditer(output):
-        yield output[end : match.start()]
-        yield match[0]
-        end = match.end()
-    yield output[end:]
-
-
 class ConsoleReporter:
     """Prints events and collects results; owned by the main loop."""
 
@@ -231,9 +132,9 @@ class ConsoleReporter:
         self._on = handlers
         self.logs = logs
         self._output: dict[str, Excerpt] = {}
-        self._warnings: dict[str, CompilerWarnings] = {}
+        self._warnings: Any = None
+        """The plugin that finds warnings, None before the first output."""
         self._unused = UnusedVariables(shared)
-        self._repeated = RepeatedWarnings()
         self._configured: set[str] = set()
         self._listed = False
         self.failures: dict[str, PackageFailure] = {}
@@ -268,8 +169,10 @@ class ConsoleReporter:
                     self._progress(f"Starting >>> {self._label(task)}")
             case Output(task, lines, stderr):
                 self._output.setdefault(task, Excerpt()).add(lines, stderr=stderr)
-                if not stderr and not self._embedded(task):
-                    self._warnings.setdefault(task, CompilerWarnings()).add(lines)
+                if self._warnings is None and is_installed(OPTIONS, "warnings"):
+                    self._warnings = find(OPTIONS, "warnings", "option").PackageWarnings()
+                if self._warnings and not stderr and not self._embedded(task):
+                    self._warnings.of_compilers[task].add(lines)
                 if self._on["console_direct"] and not self._embedded(task):
                     self.quote(lines.decode(errors="surrogateescape"), stderr=stderr)
             case Finished():
@@ -287,8 +190,8 @@ class ConsoleReporter:
                 package = event.task
                 if event.step.kind is StepKind.CONFIGURE:
                     self._configured.add(package)
-                if package in self._warnings:
-                    self._warnings[package].end_step()
+                if self._warnings and package in self._warnings.of_compilers:
+                    self._warnings.of_compilers[package].end_step()
                 # Only the last result of a repeated step counts.
                 failed = event.step.meaning(event.code) == TEST_FAILURES
                 (self.failed_tests.add if failed else self.failed_tests.discard)(package)
@@ -323,7 +226,7 @@ class ConsoleReporter:
             self._out(f"  {counted(len(tally.cached), 'package')} cached")
         for outcome in self.launcher_summaries:
             self._out(f"  {outcome.words}")
-        repeated = self._repeated.packages
+        repeated = self._warnings.repeated.packages if self._warnings else {}
         listed: tuple[tuple[tuple[str, ...], str, Meaning], ...] = (
             (tally.failed, "failed", "failure"),
             (tally.aborted, "aborted", "warning"),
@@ -377,16 +280,16 @@ class ConsoleReporter:
         errors = output.errors
         if task in self._configured:
             errors = self._unused.take(errors)
-        if task in self._warnings and not failed:
-            errors += self._warnings.pop(task).text
+        if self._warnings and task in self._warnings.of_compilers and not failed:
+            errors += self._warnings.of_compilers.pop(task).text
         if errors:
             self._names["stderr"].add(task)
         if self._on["console_cohesion"] and output.everything and not self._on["console_direct"]:
             everything = output.everything.decode(errors="surrogateescape")
             self.quote(f"--- output: {task}\n{everything}---\n")
         elif self._on["console_stderr"] and task in self._names["stderr"] and not self._on["console_direct"]:
-            if self._on["summary"] and not failed:  # the summary names the omitted packages
-                errors = self._repeated.take(task, errors)
+            if self._warnings and self._on["summary"] and not failed:  # which names the omitted packages
+                errors = self._warnings.repeated.take(task, errors)
             text = errors.decode(errors="surrogateescape")
             if failed:
                 from forge.output.first_error import with_paths

@@ -14,7 +14,6 @@ from pathlib import Path
 from forge.base.errors import (
     GroupedProblems,
     HostError,
-    Location,
     Problem,
     WarningReporter,
     WorkspaceError,
@@ -23,16 +22,13 @@ from forge.base.errors import (
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.graph import closures, ordered_names
-from forge.base.layout import BUILD_RESULT, FILE_TABLE, PACKAGE_LOCK, TEST_SCRATCH_DIR, Layout
+from forge.base.layout import BUILD_RESULT, PACKAGE_LOCK, TEST_SCRATCH_DIR, Layout
 from forge.base.text import listed, quoted_names
 from forge.build.build_dir import empty_build_dir
 from forge.build.build_types import build_type_of, by_toolchain, unknown_types
 from forge.build.deferred import read_deferred, tests_need_build, write_deferred
-from forge.build.inputs.fingerprints import FileTable, fingerprint_tree
 from forge.build.journal import open_journal
 from forge.build.model import BuildInputs, BuildRecord
-from forge.build.records import read_record
-from forge.build.snapshot import changed_sources
 from forge.build.tasks import BuildPlan, Step, Task
 from forge.build.tests.detection import requirements_of_tests
 from forge.build.tests.options import TestOptions
@@ -125,49 +121,6 @@ def built_without_tests(names: Sequence[str], loaded: LoadedWorkspace, layout: L
     message = f"{listed(without)} {'was' if len(without) == 1 else 'were'} built without tests"
     hint = "build without -DBUILD_TESTING=OFF and '--no-test-dependencies' to test"
     return (Problem(message, hint=f"{hint} {'it' if len(without) == 1 else 'them'}"),)
-
-
-def changed_since_build(
-    needs: Mapping[str, Sequence[str]], loaded: LoadedWorkspace, layout: Layout
-) -> tuple[Problem, ...]:
-    """Return warnings for packages that changed since their last build.
-
-    Tests use that build, except Python tests, which run in the source folder, and symbolic links, which lead
-    there.
-    """
-    records = open_journal(layout.build).records
-    table = FileTable(layout.build / FILE_TABLE)
-    python = {name for name, package in loaded.packages.items() if "python" in package.build_type}
-    used = {
-        need
-        for name, wanted in needs.items()
-        for need in wanted
-        if need not in python or (need != name and not layout.symlink)
-    }
-    problems = []
-    for name in sorted(used):
-        record, package = records.get(name), loaded.packages.get(name)
-        if package is None or package.embedded or record is None:
-            continue
-        if not record.complete and name in needs:  # packages that are not tested do not matter
-            continue
-        home = str(loaded.workspace.root / package.path)
-        if not record.complete:
-            message = f"the last build of '{name}' failed or was stopped, so that tests use outdated files"
-            many = "the last builds of {} failed or were stopped, so that tests use outdated files"
-        else:
-            fingerprint, sources = fingerprint_tree(home, table, record.sources)
-            if fingerprint.digest == record.sources.digest:
-                continue
-            last = read_record(layout.build_dir(name)) if record.began else None
-            what = changed_sources(home, sources, last, table)
-            message = f"'{name}' has changed since its last build, so that tests use outdated files: {what}"
-            many = "{} have changed since their last build, so that tests use outdated files"
-        command = layout.command("build")
-        problems.append(
-            Problem(message, Location(package.path), command, GroupedProblems(many, name, command))
-        )
-    return tuple(problems)
 
 
 def prepare_context(

@@ -104,7 +104,9 @@ def run(given: Options) -> int:
     create_output_folders(layout)
     mark_layout(layout)
     built = [name for name in names if name not in absent]
-    warn(preparing.changed_since_build({name: needs[name] for name in built}, loaded, layout))
+    if is_installed(OPTIONS, "outdated-tests"):
+        outdated = find(OPTIONS, "outdated-tests", "warning of")
+        warn(outdated.changed_since_build({name: needs[name] for name in built}, loaded, layout))
     context, lacking = preparing.prepare_context(options, loaded, layout, variables, built)
     absent |= lacking
     built = [name for name in built if name not in lacking]

@@ -16,7 +16,7 @@ import json
 import re
 import shutil
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,13 +25,18 @@ from forge.base.frozen import Pairs, frozen
 from forge.base.layout import TOOLCHAIN_DIR
 from forge.base.text import digest
 from forge.build.inputs.fingerprints import FileTable, contents_of
+from forge.build.recipes.cmake import common_arguments
 from forge.engine.commands import Folders
 from forge.engine.observer import run_observed
 from forge.toolchain.cmake_variables import unused_variables
+from forge.toolchain.languages import any_enables_cxx
 from forge.toolchain.programs import calls_make
 from forge.workspace.cmake_text import calls
 
 if TYPE_CHECKING:
+    from forge.build.state import BuildState
+    from forge.build.tasks import BuildPlan
+    from forge.cli.preparation import PreparedBuild
     from forge.engine.world import World
 
 _PROJECT = """\
@@ -62,6 +67,32 @@ class Surroundings:
     world: World
     table: FileTable
     library: Path | None
+
+
+def seed_of(
+    plan: BuildPlan, build: PreparedBuild, state: BuildState, library: Path | None
+) -> Callable[[Path, Path, Mapping[str, str]], frozenset[str]] | None:
+    """Return the function that copies detected compilers into new build folders of CMake packages.
+
+    None without CMake, and if ament packages get extra arguments, which may select another compiler.
+    """
+    context = build.context
+    if context.cmake is None or context.ament_cmake_args:
+        return None
+    # Unlike the embedded one, other versions of ament_cmake look for Python.
+    ament = build.loaded.resolution.packages.get("ament_cmake")
+    uses_ament = any(task.package.build_type == "ament_cmake" for task in plan.tasks.values())
+    packages = (task.package for task in plan.tasks.values() if not task.package.embedded)
+    toolchain = Toolchain(
+        context.layout.build,
+        context.cmake,
+        common_arguments(context),
+        build.compilers,
+        context.python if uses_ament and not (ament and ament.embedded) else None,
+        languages="C CXX" if any_enables_cxx(packages) else "C",
+        observed=Surroundings(state.world, state.table, library),
+    )
+    return toolchain.seed
 
 
 class Toolchain:

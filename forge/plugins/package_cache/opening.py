@@ -10,16 +10,15 @@ from forge.base.env_vars import cache_home, expand_home
 from forge.base.errors import Problem
 from forge.cache.model import RemoteOptions
 from forge.cache.options import open_remote
+from forge.engine.variables import relevant_environment
 from forge.plugins.package_cache.folder_store import FolderStore
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Iterator, Mapping
     from pathlib import Path
 
-    from forge.base.frozen import Pairs
-    from forge.base.layout import Layout
     from forge.build.state import BuildState
-    from forge.cache.options import CacheOptions
+    from forge.cli.preparation import PreparedBuild
     from forge.plugins.package_cache.package_cache import PackageCache
 
 
@@ -36,20 +35,7 @@ def foreign_store(folder: Path) -> Iterator[Problem]:
 
 
 @contextmanager
-def open_cache(
-    options: CacheOptions,
-    root: Path,
-    layout: Layout,
-    state: BuildState,
-    variables: Mapping[str, str],
-    warn: Callable[[Iterable[Problem]], object],
-    *,
-    needs: Mapping[str, frozenset[str]],
-    tools: Pairs,
-    forced: frozenset[str],
-    values: Mapping[str, str],
-    observed: bool,
-) -> Iterator[PackageCache]:
+def open_cache(build: PreparedBuild, state: BuildState, *, observed: bool) -> Iterator[PackageCache]:
     """Yield the cache of a build; on exit finish uploads, store statistics and prune.
 
     Raises ForgeError for an invalid URL, and for a cache folder that other users can write to.
@@ -59,6 +45,8 @@ def open_cache(
     from forge.plugins.package_cache.package_cache import CacheContext, PackageCache
     from forge.plugins.package_cache.relocation import Relocator
 
+    options, variables, warn, loaded = build.options.cache, build.variables, build.mode.warn, build.loaded
+    layout = build.context.layout
     local = FolderStore(cache_folder(options.cache, variables))
     local.check()
     remote = None
@@ -72,13 +60,13 @@ def open_cache(
         remote = open_remote(options.remote_cache, remote_options)
     context = CacheContext(
         layout=layout,
-        relocator=Relocator(root, layout),
-        needs=needs,
-        tools=tools,
+        relocator=Relocator(loaded.workspace.root, layout),
+        needs=loaded.resolution.needs,
+        tools=build.context.tools,
         records=state.journal.records,
         table=state.table,
-        forced=forced,
-        values=values,
+        forced=frozenset(loaded.selection.names if build.options.forced_by else ()),
+        values=dict(relevant_environment(variables)),
         observed=observed,
     )
     cache = PackageCache(context, local, remote, lambda problem: warn([problem]))

@@ -2,8 +2,8 @@
 
 import pytest
 
-from forge.build.events import Finished, Output
-from forge.output.console import CompilerWarnings, RepeatedWarnings
+from forge.build.events import Finished, Output, StepFinished, StepStarted
+from forge.plugins.warnings.warnings import CompilerWarnings, RepeatedWarnings
 from tests.unit.output.test_console import STEP, report_on, shown
 
 WARNING = (
@@ -95,3 +95,18 @@ def test_the_summary_names_the_packages(capfd: pytest.CaptureFixture[str]) -> No
         *("--- stderr: a", "---", "--- stderr: d", "---")
     ]
     assert "  4 packages had stderr output: a b c d\n  2 packages repeated warnings of a: b c\n" in out
+
+
+def test_compiler_warnings_are_shown_as_with_make(capfd: pytest.CaptureFixture[str]) -> None:
+    """Ninja prints to stdout what compilers print to stderr."""
+    text = "x.cpp:3:5: warning: unused\n    3 | int x;\n"
+    events = (
+        StepStarted("a", STEP),
+        Output("a", f"[1/2] c++\n{text}[2/2] ld\n".encode(), stderr=False),
+        StepFinished("a", STEP, 0),
+        Output("a", b"-- Installing: a\n", stderr=False),
+    )
+    out, err = shown(capfd, report_on("a"), *events, Finished("a", 0, 0.1))
+    assert err == f"--- stderr: a\n{text}---\n"
+    assert out.endswith("  1 package had stderr output: a\n")
+    assert "unused" not in shown(capfd, report_on("a"), *events, Finished("a", 1, 0.1, STEP))[1]
