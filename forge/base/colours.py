@@ -6,6 +6,7 @@ NO_COLOR disables colours only. CLICOLOR_FORCE and FORCE_COLOR enable them for f
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
 from typing import Literal, TextIO
 
@@ -42,3 +43,8 @@ def palette_of(stream: TextIO, variables: Mapping[str, str] = os.environ) -> Pal
         return Palette(True)
     plain = variables.get("CLICOLOR") == "0" or variables.get("TERM", "") in {"", "dumb"}
     return Palette(not plain and stream.isatty())
+
+
+def colourless(text: str) -> str:
+    """Return a text without escape sequences."""
+    return re.sub(r"\x1b\[[0-9;]*[A-Za-z]", "", text)

@@ -106,6 +106,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "library-abi": "forge.plugins.library_abi.relinking",
         "missing-packages": "forge.plugins.failure_hints.missing",
         "failed-tests": "forge.plugins.single_tests.failures",
+        "first-error": "forge.plugins.failure_hints.first_error",
         "mixin": "forge.plugins.mixins.mixins",
         "outdated-tests": "forge.plugins.explain.outdated",
         "package-memory": "forge.plugins.package_memory.measuring",

@@ -10,7 +10,7 @@ import sys
 from collections import defaultdict
 from typing import TYPE_CHECKING, Any
 
-from forge.base.colours import Palette, palette_of
+from forge.base.colours import Palette, colourless, palette_of
 from forge.base.extensions import OPTIONS, find, is_installed, own_plugin
 from forge.base.frozen import frozen
 from forge.base.layout import LAST_COMMAND
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from forge.base.colours import Meaning
     from forge.build.events import Event
     from forge.build.tasks import BuildPlan
-    from forge.output.first_error import FirstError
     from forge.testing.outcomes import Counts
     from forge.toolchain.compiler_launchers import LauncherSummary
     from forge.workspace.model import Package
@@ -60,6 +59,10 @@ class Screen:
 PLAIN = Screen()
 
 
+_VISIBLE_LINES = 20
+"""An error at most this number of lines above the report of a failure is still visible."""
+
+
 @frozen
 class Tally:
     """The results of packages, as sorted names; embedded packages that are up to date are left out.
@@ -87,7 +90,8 @@ class PackageFailure:
     """The exit code and first error of a failed package, a command that repeats its step, and a hint."""
 
     code: int
-    error: FirstError | None
+    error: Any
+    """The `FirstError` of the plugin that finds it, None if it is unknown."""
     repeat: str | None
     hint: str | None = None
 
@@ -291,10 +295,9 @@ class ConsoleReporter:
             if self._warnings and self._on["summary"] and not failed:  # which names the omitted packages
                 errors = self._warnings.repeated.take(task, errors)
             text = errors.decode(errors="surrogateescape")
-            if failed:
-                from forge.output.first_error import with_paths
-
-                text = with_paths(text, self.packages[task].path.as_posix())
+            if failed and is_installed(OPTIONS, "first-error"):
+                plugin = find(OPTIONS, "first-error", "option")
+                text = plugin.with_paths(text, self.packages[task].path.as_posix())
             if text.strip():
                 block = f"--- stderr: {task}\n{text}---\n"
                 folded = block
@@ -332,20 +335,22 @@ class ConsoleReporter:
 
     def _fail(self, event: Finished, shown: str) -> None:
         """Print the package, step, first error unless it was just `shown`, log and a command to repeat it."""
-        from forge.output.first_error import COLOUR, VISIBLE_LINES, first_error
         from forge.output.hints import Failure, hint_of
 
         task, package = event.task, self.packages[event.task]
         text = self._output.pop(task, Excerpt()).everything.decode(errors="replace")
-        error = first_error(text.split("\n"), package.path.as_posix())
+        error: Any = None
+        if is_installed(OPTIONS, "first-error"):
+            plugin = find(OPTIONS, "first-error", "option")
+            error = plugin.first_error(text.split("\n"), package.path.as_posix())
         repeat = step_line(event.step, environment_file(self._tasks[task])) if event.step else None
-        hint = hint_of(Failure(package, self.packages, COLOUR.sub("", text), **self.surroundings))
+        hint = hint_of(Failure(package, self.packages, colourless(text), **self.surroundings))
         self.failures[task] = PackageFailure(event.code, error, repeat, hint or None)
         palette = self.screen.palette(stderr=True)
         seconds = f"{duration(event.seconds)}, exited with code {event.code}"
         lines = [f"{palette.paint('failure', 'Failed  ')} <<< {self._label(task, stderr=True)} [{seconds}]"]
         step = event.step.label if event.step else ""
-        if error and error.lines[0] in COLOUR.sub("", shown).splitlines()[-VISIBLE_LINES:]:
+        if error and error.lines[0] in colourless(shown).splitlines()[-_VISIBLE_LINES:]:
             lines.append(f"  first error in step '{step}': see above")
         elif error:
             lines += [f"  first error in step '{step}':", *(f"    {line}" for line in error.lines)]

@@ -100,9 +100,9 @@ def test_forge_builds_without_the_plugin(
     has_interfaces = plugin in OF_INTERFACES
     root = tree(WORKSPACE if has_interfaces else PLAIN) / "ws"
     variables = request.getfixturevalue("underlay") if has_interfaces else None
-    commands = ["extensions", "list", "build", "test"]
-    if plugin not in {ALL, "completion"}:
-        commands.append("completion bash")
+    commands = ["list", "build", "test"]
+    of_plugins = {"completion": "completion bash", "extensions": "extensions", "test_results": "test-result"}
+    commands += (command for each, command in of_plugins.items() if plugin not in {ALL, each})
     ran = run_python(root, "-c", ALL_IN_ONE, *commands, path=copy, variables=variables)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     assert (root / "install/shapes/share/shapes/package.xml").is_file()

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from forge.base.colours import colourless
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.layout import IGNORE_MARK
@@ -32,7 +33,6 @@ _ORIGINS = (
 )
 """Lines that give the origin of an error in a header; Clang prints those about templates after the error."""
 _ERROR = re.compile(r"^.*: error: ", re.MULTILINE)
-_COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 _LOG = "stdout_stderr.log"
 _MOST_LINES = 1000
 """The maximum number of lines of a log that are printed; the log folder contains all of them."""
@@ -54,7 +54,7 @@ class Finding:
 
 def diagnostics(text: str) -> Iterator[Finding]:
     """Yield the errors and warnings in the output of a package without titles; file names are as printed."""
-    for match in _DIAGNOSTIC.finditer(_COLOUR.sub("", text)):
+    for match in _DIAGNOSTIC.finditer(colourless(text)):
         if match["kind"]:
             message = " ".join(match["text"].split())
             yield Finding(match["kind"].lower(), "", message, match["list"], int(match["number"]))
@@ -121,7 +121,7 @@ class CiReporter(Reporter):
 
     def _origin(self, name: str, error: str) -> tuple[str, int, int] | tuple[()]:
         """Return the nearest location in the repository that includes an outside header with an error."""
-        before, _, after = _COLOUR.sub("", self._text(name)).partition(error)
+        before, _, after = colourless(self._text(name)).partition(error)
         before, after = _ERROR.split(before)[-1], _ERROR.split(after)[0]
         for pattern in _ORIGINS:
             for match in (*reversed([*pattern.finditer(before)]), *pattern.finditer(after)):

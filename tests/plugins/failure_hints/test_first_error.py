@@ -2,7 +2,7 @@
 
 import pytest
 
-from forge.output.first_error import first_error
+from forge.plugins.failure_hints.first_error import first_error
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from itertools import islice, takewhile
 
+from forge.base.colours import colourless
 from forge.base.frozen import frozen
 from forge.execution.worker_client import DECLINED_PREFIX
 
@@ -23,10 +24,6 @@ _FAILED = "FAILED: "
 _NINJA = re.compile(rf"\[\d+/\d+\] |{_FAILED}|ninja: ")
 """Lines that Ninja prints after the output of a command."""
 _MAX_SAID = 8
-COLOUR = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
-
-VISIBLE_LINES = 20
-"""An error at most this number of lines above the report of a failure is still visible."""
 
 
 @frozen
@@ -42,7 +39,7 @@ def first_error(output: Sequence[str], folder: str = "") -> FirstError | None:
 
     Paths are completed as by `with_paths`.
     """
-    plain = [COLOUR.sub("", line.rstrip("\r\n")) for line in output]
+    plain = [colourless(line.rstrip("\r\n")) for line in output]
     for pattern, extent in ((_INTERFACE, 4), (_COMPILER, 3), (_CMAKE, 4), (_LINKER, 1), (_OTHER, 2)):
         for index, line in enumerate(plain):
             if pattern.search(line) and not line.startswith(DECLINED_PREFIX):
