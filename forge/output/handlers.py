@@ -21,12 +21,12 @@ HANDLERS = {
     "console_direct": False,
     "console_cohesion": False,
     "console_package_list": False,
-    "event_log": True,
-    "compile_commands": True,
-    # Accepted for compatibility with colcon, without effect.
+    # Accepted for compatibility with colcon, without effect except for compile_commands.
     "log": True,
+    "event_log": True,
     "log_command": True,
     "store_result": True,
+    "compile_commands": True,
     "desktop_notification": False,
     "parallel_status": False,
     "terminal_title": False,
@@ -97,12 +97,6 @@ class ReportOptions:
         dumb = os.environ.get("TERM", "") in {"", "dumb"}
         is_shown = wanted and not dumb and sys.stdout.isatty() and is_installed(REPORTERS, "status")
         return find_reporter("status") if is_shown else None
-
-    @property
-    def event_log(self) -> Start | None:
-        """Return the reporter that writes events.log, unless it is disabled."""
-        is_on = self.handlers["event_log"] and is_installed(REPORTERS, "event_log")
-        return find_reporter("event_log") if is_on else None
 
     def reporters(self, *names: str) -> dict[str, Start]:
         """Return these reporters and those of --event-handlers; raises ForgeError if one is missing."""
