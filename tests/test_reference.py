@@ -130,6 +130,7 @@ def test_every_event_is_documented_with_all_fields() -> None:
     of_plugins = {
         "Coverage": {"lines", "covered", "report"},
         "FlakyTest": {"test", "passed_at", "message"},
+        "TestFailure": {"file", "line", "test", "message", "repeat"},
         "Usage": {"processors", "jobs", "memory", "samples"},
         "Commands": {"commands", "chain"},
         "Headers": {"compiler", "files", "failed", "total", "in_headers", "in_templates", "headers"},
