@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import os
-from functools import partial
-from pathlib import Path
-from typing import Any
 
 from forge.base.distributions import check_distribution, distribution_option
 from forge.base.errors import HostError, Problem, SelectionError
-from forge.base.extensions import OPTIONS, absent
+from forge.base.extensions import OPTIONS, REPORTERS, absent, find
 from forge.base.frozen import frozen
 from forge.base.options import flag, option, options_of
 from forge.base.text import listed
@@ -19,7 +16,7 @@ from forge.execution.executor import ExecutorOptions
 from forge.execution.options import JobOptions
 from forge.output.handlers import ReportOptions
 from forge.output.reporters import Start
-from forge.toolchain.compiler_launchers import LAUNCHERS, NONE, selected_launcher
+from forge.toolchain.compiler_launchers import LAUNCHERS, NONE
 from forge.toolchain.targets import CrossOptions
 from forge.workspace.selection import Query
 
@@ -162,22 +159,8 @@ class BuildOptions:
         """Return the reporters of this build; raises ForgeError if one is missing."""
         if not self.has_timings:
             return self.report.reporters()
-        starts = self.report.reporters("timings")
-        start: Any = starts["timings"]
-        return {**starts, "timings": partial(start, wanted=self.timings or "", compared=self._compared)}
-
-    @property
-    def _compared(self) -> Path | None:
-        """Return the folder given by --timings-compare, '.' for the previous build; raises SelectionError."""
-        if not self.timings_compare:
-            return None if self.timings_compare is None else Path()
-        logs = self.folders.layout(Path.cwd()).logs or Path()
-        folders = (Path(self.origin, self.timings_compare), logs / self.timings_compare)
-        for folder in folders:
-            if (folder / "events.jsonl").is_file():
-                return folder.resolve()
-        message = f"--timings-compare: there is no log of a build in '{self.timings_compare}'"
-        raise SelectionError(Problem(message, hint=f"the logs of builds are in '{logs}'"))
+        timings = find(REPORTERS, "timings", "reporter").start_of(self)
+        return {**self.report.reporters("timings"), "timings": timings}
 
     @property
     def forced_by(self) -> str:
@@ -205,19 +188,8 @@ class BuildOptions:
             hint = f"remove {word} or '--target'"
             message = f"--target cannot be combined with {word}: its compilers are on this machine"
             raise SelectionError(Problem(message, hint=hint))
-        without_audit = {
-            "--watch": self.watch,
-            f"--executor {self.execution.executor}": not self.execution.is_local,
-            "a package cache (--cache, --remote-cache)": self.cache.wanted,
-            "--compiler-launcher": selected_launcher(self.cmake.compiler_launcher),
-            "--target": self.folders.target,
-            "--no-observer": self.no_observer,
-        }
-        if self.audit and any(without_audit.values()):
-            words = ", ".join(word for word, given in without_audit.items() if given)
-            message = f"--audit cannot be combined with {words}: all steps must be observed on this machine"
-            hint = "remove these options, including those in forge.toml and the environment"
-            raise SelectionError(Problem(message, hint=hint))
+        if self.audit:
+            find(OPTIONS, "audit", "option").check(self)
         for word, value in (("--dry-run", self.dry_run), ("--print-command", self.print_command)):
             if self.watch and value:
                 message = f"'--watch' cannot be combined with '{word}'"

@@ -8,11 +8,10 @@ from contextlib import AbstractContextManager, ExitStack, closing, contextmanage
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.env_vars import SEQUENTIAL, own_cache, without_secrets
 from forge.base.errors import WorkspaceError, raise_if_any
-from forge.base.extensions import OPTIONS, find, is_installed, own_plugin
+from forge.base.extensions import OPTIONS, find, own_plugin
 from forge.base.layout import MEMORY_FILE, OWN_CACHE_DIR, PROGRAMS_DIR
 from forge.build.events import Event
 from forge.build.recipes.extensions import active_extensions
@@ -38,9 +37,6 @@ from forge.toolchain.resources import LIBRARY_PATH_BELOW, gcc_heap, memory
 from forge.workspace.model import CMAKE_TYPES
 from forge.workspace.resolve import GENERATORS
 
-if TYPE_CHECKING:
-    from forge.execution.task_setup import Seed
-
 
 def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
     """Run the plan of a build, and finish its records; returns 1 if a package failed."""
@@ -51,12 +47,12 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
     state.begin()
     audit = None
     if options.audit:
-        packages = build.loaded.resolution.packages
-        plugin = find(OPTIONS, "audit", "option", ("Audit",))
-        audit = plugin.Audit(context, packages, state.journal.records, build.variables)
+        audit = find(OPTIONS, "audit", "option").Audit(
+            context, build.loaded.resolution.packages, state.journal.records, build.variables
+        )
     launcher_stats = LauncherStats()
     if context.launcher and compiles:
-        plugin = find(OPTIONS, "compiler-launcher", "option", ("open_launcher_stats",))
+        plugin = find(OPTIONS, "compiler-launcher", "option")
         launcher_stats = plugin.open_launcher_stats(
             context.launcher, context.root, context.layout.build, without_job_variables(build.variables)
         )
@@ -109,9 +105,7 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             variables[COLOURS_VARIABLE] = "1"
             session.log.coloured = True
         variables |= ninja_first(context.ninja, context.layout.build / PROGRAMS_DIR, build.variables)
-        seed: Seed | None = None
-        if is_installed(OPTIONS, "toolchain-cache") and not options.cmake.no_toolchain_cache:
-            seed = find(OPTIONS, "toolchain-cache", "option").seed_of(plan, build, state, library)
+        probe = None if options.cmake.no_toolchain_cache else own_plugin(OPTIONS, "toolchain-cache")
         lifecycle = TaskSetup(
             build.loaded.resolution,
             context.layout,
@@ -119,13 +113,12 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             variables,
             state,
             cache,
-            seed,
+            probe and probe.seed_of(plan, build, state, library),
             audit and audit.collect,
             observes=library is not None and not remote and not audit,
         )
         packages_memory: PackageMemory | None = None
-        if is_installed(OPTIONS, "package-memory") and not remote:
-            plugin = find(OPTIONS, "package-memory", "option", ("MeasuredMemory",))
+        if not remote and (plugin := own_plugin(OPTIONS, "package-memory")):
             packages_memory = plugin.MeasuredMemory(
                 context.layout.build / MEMORY_FILE, options.jobs.memory_limit
             )
@@ -169,8 +162,9 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
             if packages_memory:
                 packages_memory.close()
             state.finish(plan, build.variables)
-            if options.report.handlers["compile_commands"] and is_installed(OPTIONS, "compile_commands"):
-                find(OPTIONS, "compile_commands", "option").merge_compile_commands(context.layout.build)
+            merging = own_plugin(OPTIONS, "compile_commands")
+            if merging and options.report.handlers["compile_commands"]:
+                merging.merge_compile_commands(context.layout.build)
             mode.warn(lifecycle.kept)
             session.report.launcher_summaries = launcher_stats.finish()
             if cache is not None:

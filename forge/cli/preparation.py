@@ -17,22 +17,21 @@ from typing import TYPE_CHECKING
 from forge import __version__
 from forge.base.ament_index import INDEX
 from forge.base.distributions import VARIABLE, distribution_in
-from forge.base.env_vars import expand_home, own_cache
+from forge.base.env_vars import expand_home
 from forge.base.errors import (
     ForgeError,
     GroupedProblems,
-    HostError,
     Location,
     Problem,
     WarningReporter,
     WorkspaceError,
     raise_if_any,
 )
-from forge.base.extensions import OPTIONS, RECIPES, UNDERLAYS, absent, find, installed, own_plugin
+from forge.base.extensions import OPTIONS, RECIPES, UNDERLAYS, find, installed, own_plugin
 from forge.base.files import current_umask, names_in
 from forge.base.frozen import Pairs, frozen
 from forge.base.graph import closure
-from forge.base.layout import NO_CODE, OWN_CACHE_DIR, PACKAGE, PACKAGE_LOCK, Layout, own_folders
+from forge.base.layout import NO_CODE, PACKAGE, PACKAGE_LOCK, Layout, own_folders
 from forge.build import folder_marks, planning
 from forge.build.build_types import leave_out, with_toolchains
 from forge.build.inputs.fingerprints import digest_strings, source_files, stamp_files
@@ -304,16 +303,7 @@ def prepare(options: BuildOptions, layout: Layout, mode: BuildMode) -> PreparedB
     )
     context = with_toolchains(context, packages, variables)
     if options.audit:
-        if problem := absent(OPTIONS, "audit", "option"):
-            raise HostError(problem)
-        from forge.engine.observer import compile_library
-
-        if compile_library(own_cache(variables) or layout.build / OWN_CACHE_DIR, variables) is None:
-            message = "'--audit' cannot observe programs here: its library could not be compiled"
-            hint = (
-                "install a C compiler, for example with `apt install gcc` or `dnf install gcc` (Linux only)"
-            )
-            raise HostError(Problem(message, hint=hint))
+        find(OPTIONS, "audit", "option").require_observer(layout, variables)
     return PreparedBuild(options, loaded, names, context, interpreter, variables, mode, cross, began)
 
 

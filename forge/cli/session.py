@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from forge.base.errors import Problem
-from forge.base.extensions import REPORTERS, find, is_installed
+from forge.base.extensions import REPORTERS, own_plugin
 from forge.base.layout import Layout
 from forge.base.text import listed
 from forge.build.events import Event, Finished
@@ -54,8 +54,7 @@ class Session:
         run = replace(self.run_information, coloured=self.log.coloured, **information)
         if status := self.options.status:
             reporters = {"status": status, **reporters}
-        if run.log_folder is not None and is_installed(REPORTERS, "event_log"):
-            event_log = find(REPORTERS, "event_log", "reporter")
+        if run.log_folder is not None and (event_log := own_plugin(REPORTERS, "event_log")):
             reporters = {"event_log": event_log.start, **reporters}
         for name, start in reporters.items():
             self.reporters[name] = reporter = ask(name, start, run)

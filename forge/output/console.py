@@ -11,7 +11,7 @@ from collections import defaultdict
 from typing import TYPE_CHECKING, Any
 
 from forge.base.colours import Palette, colourless, palette_of
-from forge.base.extensions import OPTIONS, find, is_installed, own_plugin
+from forge.base.extensions import OPTIONS, own_plugin
 from forge.base.frozen import frozen
 from forge.base.layout import LAST_COMMAND
 from forge.base.signals import ignore_closed_output
@@ -173,8 +173,8 @@ class ConsoleReporter:
                     self._progress(f"Starting >>> {self._label(task)}")
             case Output(task, lines, stderr):
                 self._output.setdefault(task, Excerpt()).add(lines, stderr=stderr)
-                if self._warnings is None and is_installed(OPTIONS, "warnings"):
-                    self._warnings = find(OPTIONS, "warnings", "option").PackageWarnings()
+                if self._warnings is None and (plugin := own_plugin(OPTIONS, "warnings")):
+                    self._warnings = plugin.PackageWarnings()
                 if self._warnings and not stderr and not self._embedded(task):
                     self._warnings.of_compilers[task].add(lines)
                 if self._on["console_direct"] and not self._embedded(task):
@@ -295,8 +295,7 @@ class ConsoleReporter:
             if self._warnings and self._on["summary"] and not failed:  # which names the omitted packages
                 errors = self._warnings.repeated.take(task, errors)
             text = errors.decode(errors="surrogateescape")
-            if failed and is_installed(OPTIONS, "first-error"):
-                plugin = find(OPTIONS, "first-error", "option")
+            if failed and (plugin := own_plugin(OPTIONS, "first-error")):
                 text = plugin.with_paths(text, self.packages[task].path.as_posix())
             if text.strip():
                 block = f"--- stderr: {task}\n{text}---\n"
@@ -339,10 +338,8 @@ class ConsoleReporter:
 
         task, package = event.task, self.packages[event.task]
         text = self._output.pop(task, Excerpt()).everything.decode(errors="replace")
-        error: Any = None
-        if is_installed(OPTIONS, "first-error"):
-            plugin = find(OPTIONS, "first-error", "option")
-            error = plugin.first_error(text.split("\n"), package.path.as_posix())
+        plugin = own_plugin(OPTIONS, "first-error")
+        error = plugin and plugin.first_error(text.split("\n"), package.path.as_posix())
         repeat = step_line(event.step, environment_file(self._tasks[task])) if event.step else None
         hint = hint_of(Failure(package, self.packages, colourless(text), **self.surroundings))
         self.failures[task] = PackageFailure(event.code, error, repeat, hint or None)

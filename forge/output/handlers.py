@@ -7,7 +7,7 @@ import sys
 from collections.abc import Mapping
 
 from forge.base.errors import Problem, SelectionError, raise_if_any
-from forge.base.extensions import OWN, REPORTERS, is_installed
+from forge.base.extensions import OWN, REPORTERS, is_installed, own_plugin
 from forge.base.frozen import frozen
 from forge.base.names import nearest
 from forge.base.options import flag, option
@@ -95,8 +95,8 @@ class ReportOptions:
         on = self.handlers
         wanted = on["status"] and on["console_start_end"] and not on["console_direct"] and not self.json
         dumb = os.environ.get("TERM", "") in {"", "dumb"}
-        is_shown = wanted and not dumb and sys.stdout.isatty() and is_installed(REPORTERS, "status")
-        return find_reporter("status") if is_shown else None
+        plugin = own_plugin(REPORTERS, "status") if wanted and not dumb and sys.stdout.isatty() else None
+        return plugin and plugin.start
 
     def reporters(self, *names: str) -> dict[str, Start]:
         """Return these reporters and those of --event-handlers; raises ForgeError if one is missing."""

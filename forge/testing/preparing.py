@@ -112,17 +112,6 @@ def absent_problems(
     return problems
 
 
-def built_without_tests(names: Sequence[str], loaded: LoadedWorkspace, layout: Layout) -> tuple[Problem, ...]:
-    """Return a warning for the packages that were built without tests."""
-    here = (name for name in names if loaded.packages[name].build_type in CMAKE_TYPES)
-    without = [name for name in here if was_built_without_tests(layout.build_dir(name))]
-    if not without:
-        return ()
-    message = f"{listed(without)} {'was' if len(without) == 1 else 'were'} built without tests"
-    hint = "build without -DBUILD_TESTING=OFF and '--no-test-dependencies' to test"
-    return (Problem(message, hint=f"{hint} {'it' if len(without) == 1 else 'them'}"),)
-
-
 def prepare_context(
     options: TestOptions,
     loaded: LoadedWorkspace,

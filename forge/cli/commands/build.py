@@ -13,7 +13,7 @@ from pathlib import Path
 
 from forge.base.env_vars import compiled_templates
 from forge.base.errors import Problem, SelectionError, WorkspaceError, raise_if_any
-from forge.base.extensions import OPTIONS, find, is_installed
+from forge.base.extensions import OPTIONS, find, own_plugin
 from forge.base.layout import LAST_COMMAND, SCRATCH_DIR, TEMPLATES_DIR, Layout
 from forge.base.templating import keep_compiled
 from forge.base.text import listed
@@ -65,8 +65,8 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
         plan, snapshot = make_plan(prepared, state)
         check_plan(plan, prepared)
         asked = options.explain or options.dry_run or options.folders.level <= LOG_LEVELS["info"]
-        if (asked or (plan.tasks and not mode.quiet)) and is_installed(OPTIONS, "explain"):
-            find(OPTIONS, "explain", "option").print_plan(plan, snapshot, prepared)
+        if (asked or (plan.tasks and not mode.quiet)) and (explain := own_plugin(OPTIONS, "explain")):
+            explain.print_plan(plan, snapshot, prepared)
         elif options.dry_run and not options.report.json:
             print(*plan.tasks, sep="\n")
         if options.dry_run and options.report.json:

@@ -13,7 +13,7 @@ from typing import Any
 
 from forge.base.env_vars import SEQUENTIAL
 from forge.base.errors import Problem, WarningReporter, WorkspaceError, print_problem, raise_if_any
-from forge.base.extensions import OPTIONS, find, is_installed
+from forge.base.extensions import OPTIONS, find, own_plugin
 from forge.base.frozen import frozen
 from forge.base.options import flag, option, options_of
 from forge.base.text import counted
@@ -64,7 +64,7 @@ def run(given: Options) -> int:
     root, folders, jobs = Path.cwd(), given.folders, given.jobs
     named, single_tests = given.names, None
     if given.last_failed or any("::" in name for name in named):
-        plugin = find(OPTIONS, "single-tests", "selection of", ("SingleTests",))
+        plugin = find(OPTIONS, "single-tests", "selection of")
         single_tests = plugin.SingleTests(named, last_failed=given.last_failed)
         named = single_tests.packages
     query = replace(
@@ -78,7 +78,7 @@ def run(given: Options) -> int:
     reporters = reports.reporters(*(name for name in ("coverage", "timings") if getattr(options, name)))
     retests = None
     if options.retest_until_pass:
-        retests = find(OPTIONS, "retest-until-pass", "option", ("Retests",)).Retests()
+        retests = find(OPTIONS, "retest-until-pass", "option").Retests()
     layout, warn = folders.layout(root), WarningReporter()
     if options.timings:
         folders.require_logs()
@@ -104,15 +104,12 @@ def run(given: Options) -> int:
     create_output_folders(layout)
     mark_layout(layout)
     built = [name for name in names if name not in absent]
-    if is_installed(OPTIONS, "outdated-tests"):
-        outdated = find(OPTIONS, "outdated-tests", "warning of")
+    if outdated := own_plugin(OPTIONS, "outdated-tests"):
         warn(outdated.changed_since_build({name: needs[name] for name in built}, loaded, layout))
     context, lacking = preparing.prepare_context(options, loaded, layout, variables, built)
     absent |= lacking
     built = [name for name in built if name not in lacking]
-    domains = None
-    if is_installed(OPTIONS, "test-domains"):
-        domains = find(OPTIONS, "test-domains", "option")
+    if domains := own_plugin(OPTIONS, "test-domains"):
         context = replace(context, isolated=domains.is_isolated(variables))
     if single_tests:
         packages = [loaded.packages[name] for name in built]
@@ -162,7 +159,9 @@ def run(given: Options) -> int:
                 session.run(restored, runner, scheduler_of(restored))
                 failed = bool(session.report.tally.failed)
         unbuilt = not_runnable(built, loaded, layout, restored)
-        warn((*unbuilt.values(), *preparing.built_without_tests(built, loaded, layout)))
+        warn(unbuilt.values())
+        if outdated:
+            warn(outdated.built_without_tests(built, loaded, layout))
         plan = preparing.make_test_plan(
             [name for name in built if name not in unbuilt], loaded, context, warn
         )
@@ -203,9 +202,8 @@ def _report_results(
     report.flaky_tests = len(flaky.events)
     report.summarise(seconds)
     failures = Report()
-    if report.failed_tests and is_installed(OPTIONS, "failed-tests"):
+    if report.failed_tests and (plugin := own_plugin(OPTIONS, "failed-tests")):
         tasks = [plan.tasks[name] for name in sorted(report.failed_tests)]
-        plugin = find(OPTIONS, "failed-tests", "table of")
         failures = plugin.report(tasks, setup.results_of, context, report.displayed)
     for each in (flaky, failures):
         if each.lines and not session.options.json:

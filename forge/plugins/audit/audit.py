@@ -14,13 +14,17 @@ from pathlib import Path
 from posixpath import basename, dirname, isfile
 from typing import TYPE_CHECKING
 
+from forge.base.env_vars import own_cache
+from forge.base.errors import HostError, Problem, SelectionError
 from forge.base.frozen import frozen
-from forge.base.layout import BACKUP_DIR, PACKAGE, own_folders
+from forge.base.layout import BACKUP_DIR, OWN_CACHE_DIR, PACKAGE, Layout, own_folders
 from forge.base.text import counted
 from forge.build.inputs.native_graph import Edge, EdgeFinder, cmake_root
 from forge.build.tasks import StepKind
 from forge.engine.commands import CACHED_BYTECODE
+from forge.engine.observer import compile_library
 from forge.environment.prefixes import find_underlays
+from forge.toolchain.compiler_launchers import selected_launcher
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -30,6 +34,7 @@ if TYPE_CHECKING:
     from forge.build.observed_writes import ObservedSteps
     from forge.build.recipes.context import BuildContext
     from forge.build.tasks import Task
+    from forge.cli.build_options import BuildOptions
     from forge.engine.observation import Process
     from forge.workspace.model import Package
 
@@ -47,6 +52,31 @@ _PARTS = 5
 """The number of leading parts of a path in an underlay that are searched for the name of its package."""
 _MAX_LISTED = 3
 """The maximum number of files of one folder that are listed; beyond it, only their number is reported."""
+
+
+def check(options: BuildOptions) -> None:
+    """Raise SelectionError for options that exclude an audit."""
+    without_audit = {
+        "--watch": options.watch,
+        f"--executor {options.execution.executor}": not options.execution.is_local,
+        "a package cache (--cache, --remote-cache)": options.cache.wanted,
+        "--compiler-launcher": selected_launcher(options.cmake.compiler_launcher),
+        "--target": options.folders.target,
+        "--no-observer": options.no_observer,
+    }
+    if any(without_audit.values()):
+        words = ", ".join(word for word, given in without_audit.items() if given)
+        message = f"--audit cannot be combined with {words}: all steps must be observed on this machine"
+        hint = "remove these options, including those in forge.toml and the environment"
+        raise SelectionError(Problem(message, hint=hint))
+
+
+def require_observer(layout: Layout, variables: Mapping[str, str]) -> None:
+    """Raise HostError if steps cannot be observed on this machine."""
+    if compile_library(own_cache(variables) or layout.build / OWN_CACHE_DIR, variables) is None:
+        message = "'--audit' cannot observe programs here: its library could not be compiled"
+        hint = "install a C compiler, for example with `apt install gcc` or `dnf install gcc` (Linux only)"
+        raise HostError(Problem(message, hint=hint))
 
 
 @frozen

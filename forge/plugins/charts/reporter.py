@@ -8,14 +8,15 @@ import os
 import threading
 import time
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from forge.base.errors import Problem
+from forge.base.errors import Problem, SelectionError
 from forge.base.files import write_if_changed
 from forge.base.templating import render
 from forge.build.events import Event
-from forge.output.reporters import Report, Reporter, Run
+from forge.output.reporters import Report, Reporter, Run, Start
 from forge.plugins.charts.commands import COMPILE, NinjaLogs
 from forge.plugins.charts.graph_formats import printable
 from forge.plugins.charts.headers import find_clang, measure_headers
@@ -34,6 +35,7 @@ from forge.plugins.charts.work import comparison, lines, work
 from forge.toolchain.resources import ROOT, memory
 
 if TYPE_CHECKING:
+    from forge.cli.build_options import BuildOptions
     from forge.plugins.charts.live import LiveBuild, LiveServer
 
 PAGE, TRACE = "timings.html", "trace.json"
@@ -297,3 +299,20 @@ def _stretch(
 
 def _counter(name: str, moment: float, value: float) -> Mapping[str, object]:
     return {"ph": "C", "name": name, "pid": 1, "tid": 0, "ts": round(moment * 1e6), "args": {name: value}}
+
+
+def start_of(options: BuildOptions) -> Start:
+    """Return the function that starts the reporter; raises SelectionError for an unknown log folder."""
+    compared = None
+    if options.timings_compare is not None:
+        compared = _log_folder(options) if options.timings_compare else Path()
+    return partial(start, wanted=options.timings or "", compared=compared)
+
+
+def _log_folder(options: BuildOptions) -> Path:
+    name, logs = options.timings_compare or "", options.folders.layout(Path.cwd()).logs or Path()
+    for folder in (Path(options.origin, name), logs / name):
+        if (folder / "events.jsonl").is_file():
+            return folder.resolve()
+    message = f"--timings-compare: there is no log of a build in '{name}'"
+    raise SelectionError(Problem(message, hint=f"the logs of builds are in '{logs}'"))

@@ -34,7 +34,7 @@ class EventLog(Reporter):
         parsed = ", ".join(f"{name}={value!r}" for name, value in self._options().items())
         self._note_command(f"[0.000s] DEBUG:colcon:Command line arguments: {argv}\n")
         self._note_command(f"[0.000s] DEBUG:colcon:Parsed command line arguments: Namespace({parsed})\n")
-        self._note("-", "TimerEvent", "{}")
+        self._append("[0.000000] (-) TimerEvent: {}\n")
         self._announce()
 
     def observe(self, event: Mapping[str, Any]) -> tuple[()]:

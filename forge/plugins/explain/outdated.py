@@ -1,4 +1,4 @@
-"""Which packages have changed since their last build, so that tests use outdated files."""
+"""Warn of packages that have changed since their last build, or were built without tests."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ from collections.abc import Mapping, Sequence
 
 from forge.base.errors import GroupedProblems, Location, Problem
 from forge.base.layout import FILE_TABLE, Layout
+from forge.base.text import listed
 from forge.build.inputs.fingerprints import FileTable, fingerprint_tree
 from forge.build.journal import open_journal
 from forge.build.records import read_record
 from forge.build.snapshot import changed_sources
+from forge.toolchain.cmake_variables import was_built_without_tests
 from forge.workspace.load import LoadedWorkspace
+from forge.workspace.model import CMAKE_TYPES
 
 
 def changed_since_build(
@@ -54,3 +57,14 @@ def changed_since_build(
             Problem(message, Location(package.path), command, GroupedProblems(many, name, command))
         )
     return tuple(problems)
+
+
+def built_without_tests(names: Sequence[str], loaded: LoadedWorkspace, layout: Layout) -> tuple[Problem, ...]:
+    """Return a warning for the packages that were built without tests."""
+    here = (name for name in names if loaded.packages[name].build_type in CMAKE_TYPES)
+    without = [name for name in here if was_built_without_tests(layout.build_dir(name))]
+    if not without:
+        return ()
+    message = f"{listed(without)} {'was' if len(without) == 1 else 'were'} built without tests"
+    hint = "build without -DBUILD_TESTING=OFF and '--no-test-dependencies' to test"
+    return (Problem(message, hint=f"{hint} {'it' if len(without) == 1 else 'them'}"),)
