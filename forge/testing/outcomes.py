@@ -85,13 +85,30 @@ def read_junit(root: Element, path: str, home: str) -> Outcome:
     """Parse a JUnit file; raises NotAResultError if it is not one, BrokenResultError for invalid numbers."""
     if root.tag not in _SUITES:
         raise NotAResultError(f"the root element is '{root.tag}', not 'testsuite' or 'testsuites'")
-    counts, elements = _suite_counts(root), list(_test_cases(root))
-    failed = tuple(case for case in map(_junit_case, elements) if case.errors or case.failures)
-    return Outcome(path, home, counts, failed, skipped=tuple(filter(None, map(_junit_skip, elements))))
+    failed, skipped = [], []
+    for element in _test_cases(root):
+        name, suite, file, line = (
+            element.attributes.get(key, "") for key in ("name", "classname", "file", "line")
+        )
+        wrong = [child for child in element.children if child.tag in {"error", "failure"}]
+        if wrong:
+            text = "\n".join(filter(None, (child.text.strip("\r\n") for child in wrong)))
+            errors, failures = (
+                tuple(child.attributes.get("message", "") for child in element.all(tag))
+                for tag in ("error", "failure")
+            )
+            stdout, stderr = (
+                tuple(child.text for child in element.all(tag)) for tag in ("system-out", "system-err")
+            )
+            failed.append(Case(name, suite, file, line, errors, failures, stdout, stderr, text))
+        reasons = (child.attributes.get("message") or child.text for child in element.all("skipped"))
+        if reason := " ".join(next(reasons, "").split()):
+            skipped.append(Case(name, suite, text=reason))
+    return Outcome(path, home, _suite_counts(root), tuple(failed), skipped=tuple(skipped))
 
 
 def unreadable(path: str, home: str, reason: str) -> Outcome:
-    """Return the outcome of a result file that cannot be read: an error, since its tests may have failed."""
+    """Return an error for a result file that cannot be read: its tests may have failed."""
     case = Case(path.rpartition("/")[2], errors=(reason,))
     return Outcome(path, home, Counts(tests=1, errors=1), (case,), is_unreadable=True)
 
@@ -103,17 +120,37 @@ def read_ctest(root: Element, path: str, home: str) -> Outcome:
     tests = list(root.children[0].all("Test"))
     if any("Status" not in test.attributes for test in tests):
         raise BrokenResultError("a 'Test' has no 'Status'")
-    verdicts = tuple((_text_of(test, "Name"), _verdict(test)) for test in tests)
-    failed, skipped = [], []
-    for test, (name, counts) in zip(tests, verdicts, strict=True):
-        status = test.attributes["Status"]
-        if counts.bad and status in {"failed", "notrun"}:
-            text = _output_or_reason(test) if status == "failed" else _reason_not_run(test)
+    verdicts, failed, skipped = [], [], []
+    for test in tests:
+        name, status, completion = (
+            _text_of(test, "Name"),
+            test.attributes["Status"],
+            _measured(test, "Completion Status"),
+        )
+        output = _ctest_output(test)
+        last = "".join(output.rstrip().splitlines()[-1:])
+        not_run = last if completion in last else ", ".join(filter(None, (completion, last)))
+        # CTest fails if it could not run a test, for example if its program is missing.
+        is_skipped = status == "notrun" and (completion in {"", "Disabled"} or completion.startswith("SKIP_"))
+        if status == "passed":
+            counts = Counts(tests=1)
+        elif status == "failed":
+            counts = Counts(tests=1, failures=1)
+            # The reason if it did not end by itself, such as 'Timeout'.
+            reason = _measured(test, "Exit Code")
+            text = f"{output.rstrip()}\n{reason}".lstrip() if reason not in {"", "Failed"} else output
             failed.append(Case(name, failures=(text,) if text else (), text=text))
-        if counts.skipped and _completion(test):
-            skipped.append(Case(name, text=_reason_not_run(test)))
+        elif is_skipped:
+            counts = Counts(tests=1, skipped=1)
+            if completion:
+                skipped.append(Case(name, text=not_run))
+        else:
+            counts = Counts(tests=1, errors=1)
+            if status == "notrun":
+                failed.append(Case(name, failures=(not_run,) if not_run else (), text=not_run))
+        verdicts.append((name, counts))
     total = sum((counts for _, counts in verdicts), Counts())
-    return Outcome(path, home, total, tuple(failed), verdicts, tuple(skipped))
+    return Outcome(path, home, total, tuple(failed), tuple(verdicts), tuple(skipped))
 
 
 def find_junit(name: str, home: str, junits: Iterable[Outcome]) -> Outcome | None:
@@ -190,60 +227,15 @@ def _test_cases(suite: Element) -> Iterator[Element]:
 
 
 def _own_cases(suite: Element) -> Iterator[Element]:
-    """Yield the test cases of a suite.
-
-    An error of the suite itself, for example in its setup, is another case.
-    """
+    """Yield the test cases of a suite; an error of the suite itself, as in its setup, is another case."""
     yield from suite.all("testcase")
     if any(child.tag in {"error", "failure"} for child in suite.children):
         yield suite
 
 
-def _junit_case(case: Element) -> Case:
-    fields = case.attributes
-    wrong = [child for child in case.children if child.tag in {"error", "failure"}]
-    errors, failures = (
-        tuple(child.attributes.get("message", "") for child in case.all(tag)) for tag in ("error", "failure")
-    )
-    return Case(
-        fields.get("name", ""),
-        fields.get("classname", ""),
-        fields.get("file", ""),
-        fields.get("line", ""),
-        errors,
-        failures,
-        tuple(child.text for child in case.all("system-out")),
-        tuple(child.text for child in case.all("system-err")),
-        "\n".join(filter(None, (child.text.strip("\r\n") for child in wrong))),
-    )
-
-
-def _junit_skip(case: Element) -> Case | None:
-    reasons = (child.attributes.get("message") or child.text for child in case.all("skipped"))
-    reason = " ".join(next(reasons, "").split())
-    fields = case.attributes
-    return Case(fields.get("name", ""), fields.get("classname", ""), text=reason) if reason else None
-
-
 def _ctest_output(test: Element) -> str:
     measurements = (each for results in test.all("Results") for each in results.all("Measurement"))
     return next(filter(None, (_text_of(each, "Value") for each in measurements)), "")
-
-
-def _output_or_reason(test: Element) -> str:
-    """Return the output of a failed test, with the reason if it did not end by itself, such as 'Timeout'."""
-    output, reason = _ctest_output(test), _measured(test, "Exit Code")
-    return f"{output.rstrip()}\n{reason}".lstrip() if reason not in {"", "Failed"} else output
-
-
-def _reason_not_run(test: Element) -> str:
-    """Return why CTest did not run a test, with the last line of its output."""
-    status, last = _completion(test), "".join(_ctest_output(test).rstrip().splitlines()[-1:])
-    return last if status in last else ", ".join(filter(None, (status, last)))
-
-
-def _completion(test: Element) -> str:
-    return _measured(test, "Completion Status")
 
 
 def _measured(test: Element, name: str) -> str:
@@ -254,21 +246,6 @@ def _measured(test: Element, name: str) -> str:
 
 def _text_of(element: Element, tag: str) -> str:
     return next((child.text for child in element.all(tag)), "")
-
-
-def _verdict(test: Element) -> Counts:
-    match test.attributes["Status"]:
-        case "passed":
-            return Counts(tests=1)
-        case "failed":
-            return Counts(tests=1, failures=1)
-        case "notrun":
-            # CTest fails if it could not run a test, for example if its program is missing.
-            completion = _completion(test)
-            intended = not completion or completion == "Disabled" or completion.startswith("SKIP_")
-            return Counts(tests=1, skipped=1) if intended else Counts(tests=1, errors=1)
-        case _:
-            return Counts(tests=1, errors=1)
 
 
 _SHOWN_LINES = 6
