@@ -113,6 +113,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "packages-select-changed": "forge.plugins.git_changes.changes",
         "partial-install": "forge.plugins.partial_installs.changes",
         "python-pitfalls": "forge.plugins.pyproject.pitfalls",
+        "restored-tests": "forge.plugins.package_cache.restored_tests",
         "retest-until-pass": "forge.plugins.flaky_tests.retests",
         "single-tests": "forge.plugins.single_tests.selection",
         "strict": "forge.plugins.lint.lint",

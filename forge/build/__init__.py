@@ -11,6 +11,7 @@ __all__ = [
     "build_types",
     "cleaning",
     "copies",
+    "deferred",
     "events",
     "folder_marks",
     "inputs",

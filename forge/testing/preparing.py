@@ -1,13 +1,9 @@
-"""Prepares a test run: packages, dependencies, context and plan.
-
-Build folders that tests of packages from the package cache need are built first, without installing them.
-"""
+"""Prepares a test run: packages, dependencies, context and plan."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -20,27 +16,24 @@ from forge.base.errors import (
     raise_if_any,
 )
 from forge.base.files import text_or_nothing
-from forge.base.frozen import frozen
 from forge.base.graph import closures, ordered_names
 from forge.base.layout import BUILD_RESULT, PACKAGE_LOCK, TEST_SCRATCH_DIR, Layout
 from forge.base.text import listed, quoted_names
-from forge.build.build_dir import empty_build_dir
 from forge.build.build_types import build_type_of, by_toolchain, unknown_types
-from forge.build.deferred import read_deferred, tests_need_build, write_deferred
+from forge.build.deferred import read_deferred, tests_need_build
 from forge.build.journal import open_journal
-from forge.build.model import BuildInputs, BuildRecord
-from forge.build.tasks import BuildPlan, Step, Task
+from forge.build.tasks import BuildPlan, Task
 from forge.build.tests.detection import requirements_of_tests
 from forge.build.tests.options import TestOptions
 from forge.build.tests.recipes import TestContext, framework
 from forge.environment.install_state import recorded_python
 from forge.environment.prefixes import PACKAGES, find_underlays, provider
-from forge.execution.runner import TaskLifecycle
 from forge.toolchain.cmake_variables import was_built_without_tests
 from forge.toolchain.interpreter import find_interpreter
 from forge.toolchain.languages import compiled_packages
 from forge.toolchain.programs import find_ctest
 from forge.toolchain.python_modules import install_command, missing_modules
+from forge.toolchain.targets import find_target
 from forge.workspace.load import LoadedWorkspace
 from forge.workspace.model import CMAKE_TYPES, PYTHON_TYPES, TEST_KINDS, Package
 
@@ -48,9 +41,9 @@ _TEST_MODULES = ("pytest", "pytest_cov", "pytest_repeat")
 
 
 def tested_names(loaded: LoadedWorkspace, warn: WarningReporter) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the selected packages, except embedded ones, and those whose build type is not supported.
+    """Return the selected packages, except embedded ones, and those of unsupported build types, with a warning.
 
-    Warns about the latter. Raises WorkspaceError for invalid manifests and duplicate names.
+    Raises WorkspaceError for invalid manifests and duplicate names.
     """
     raise_if_any(loaded.workspace.problems, WorkspaceError)
     own = [name for name in loaded.selection.names if not loaded.packages[name].embedded]
@@ -85,10 +78,7 @@ def needs_of_tests(names: Sequence[str], loaded: LoadedWorkspace) -> dict[str, t
 def absent_problems(
     needs: Mapping[str, Sequence[str]], layout: Layout, variables: Mapping[str, str]
 ) -> dict[str, Problem]:
-    """Return problems for packages that are not installed, or have dependencies that are not.
-
-    Raises WorkspaceError if no package can be tested.
-    """
+    """Return problems of packages that are not installed, or miss dependencies; WorkspaceError if all do."""
     underlays = find_underlays(variables, layout.install)
     problems = {}
     for name, wanted in needs.items():
@@ -128,8 +118,11 @@ def prepare_context(
     python = [package for package in packages if package.build_type in PYTHON_TYPES]
     without_ctest = _lacking(cmake, lambda: find_ctest(os.environ))
     lacking = dict(without_ctest)
-    if layout.target:
-        lacking |= _lacking(compiled_packages(packages), lambda: _require_emulator(layout))
+    if layout.target and not find_target(layout.target).has_emulator(layout):
+        message = f"this machine cannot run the tests of programs for '{layout.target}'"
+        hint = "install qemu-user, for example with `apt install qemu-user`, then build again"
+        compiled = (package.name for package in compiled_packages(packages))
+        lacking |= dict.fromkeys(compiled, Problem(message, hint=hint))
     recorded, chain = recorded_python(layout.install), find_underlays(variables, layout.install).chain
     interpreter = find_interpreter(options.python, variables, chain, recorded, loaded.workspace.root)
     missing = missing_modules(interpreter.path, _TEST_MODULES) if python else ()
@@ -163,15 +156,6 @@ def prepare_context(
     return context, lacking
 
 
-def _require_emulator(layout: Layout) -> None:
-    from forge.toolchain.targets import find_target
-
-    if not find_target(layout.target).has_emulator(layout):
-        message = f"this machine cannot run the tests of programs for '{layout.target}'"
-        hint = "install qemu-user, for example with `apt install qemu-user`, then build again"
-        raise HostError(Problem(message, hint=hint))
-
-
 def _lacking(packages: Sequence[Package], require: Callable[[], object]) -> dict[str, Problem]:
     """Return a problem for each of the packages if their requirement is missing."""
     try:
@@ -192,16 +176,19 @@ def make_test_plan(
     for name in names:
         package = loaded.packages[name]
         recipe = build_type_of(package).tests(package, context.of(package))
-        task = _task(package, context.layout, recipe.steps, "it is selected", recipe.files)
-        tasks[name] = replace(task, clean=recipe.clean, scratch_dir=TEST_SCRATCH_DIR)
+        tasks[name] = Task(
+            name,
+            package,
+            context.layout.prefix(name),
+            context.layout.build_dir(name),
+            (),
+            recipe.steps,
+            "it is selected",
+            files=recipe.files,
+            clean=recipe.clean,
+            scratch_dir=TEST_SCRATCH_DIR,
+        )
     return BuildPlan(tasks)
-
-
-def _task(
-    package: Package, layout: Layout, steps: Sequence[Step], reason: str, files: Sequence[tuple[Path, str]]
-) -> Task:
-    folders = layout.prefix(package.name), layout.build_dir(package.name)
-    return Task(package.name, package, *folders, (), steps, reason, files=files)
 
 
 def has_no_tests(build: Path) -> bool:
@@ -210,45 +197,11 @@ def has_no_tests(build: Path) -> bool:
     return was_built_without_tests(build) if deferred is None or deferred.done else not deferred.steps
 
 
-def plan_restored(names: Sequence[str], loaded: LoadedWorkspace, layout: Layout) -> BuildPlan:
-    """Return the steps that build the tests of packages restored from the cache, which need no others."""
-    tasks = {}
-    for name in _restored(names, loaded, layout):
-        deferred = read_deferred(layout.build_dir(name))
-        if deferred is not None and deferred.steps and not deferred.done:
-            reason = "its tests were not built, because its installed files came from the cache"
-            tasks[name] = _task(loaded.packages[name], layout, deferred.steps, reason, deferred.files)
-    return BuildPlan(tasks)
-
-
-@frozen
-class RestoredSetup(TaskLifecycle):
-    """The lifecycle of these builds: they begin in an empty build folder, and install nothing."""
-
-    variables: Mapping[str, str]
-
-    def environment(self, task: Task) -> Mapping[str, str]:
-        deferred = read_deferred(task.build_dir)
-        return {**self.variables, **dict(deferred.variables if deferred else ())}
-
-    def begin(self, task: Task, _: Mapping[str, str]) -> None:
-        empty_build_dir(task.build_dir)
-
-    def install(self, task: Task) -> BuildRecord:
-        deferred = read_deferred(task.build_dir)
-        if deferred is not None:
-            write_deferred(task.build_dir, replace(deferred, done=True))
-        return BuildRecord(BuildInputs())
-
-
 def not_runnable(
     names: Sequence[str], loaded: LoadedWorkspace, layout: Layout, ran: BuildPlan
 ) -> dict[str, Problem]:
-    """Return a problem for each package whose tests are not built or outdated.
-
-    `ran` is the plan of the attempt to build them.
-    """
-    restored, problems = _restored(names, loaded, layout), {}
+    """Return a problem for each package whose tests are not built or outdated; `ran` tried to build them."""
+    restored, problems = restored_names(names, loaded, layout), {}
     records = open_journal(layout.build).records
     for name in names:
         build, message = layout.build_dir(name), ""
@@ -259,10 +212,8 @@ def not_runnable(
             if deferred is None:
                 message = "its build folder is missing, and its installed files came from the cache"
             elif deferred.steps and not deferred.done:
-                message, hint = (
-                    "building its tests failed" if name in ran.tasks else "its tests are not built",
-                    "",
-                )
+                hint = ""
+                message = "building its tests failed" if name in ran.tasks else "its tests are not built"
         elif loaded.packages[name].build_type in CMAKE_TYPES:
             cached = (build / "CMakeCache.txt").is_file()
             generated = (build / "cmake_install.cmake").is_file()
@@ -282,7 +233,7 @@ def not_runnable(
     return problems
 
 
-def _restored(names: Sequence[str], loaded: LoadedWorkspace, layout: Layout) -> frozenset[str]:
+def restored_names(names: Sequence[str], loaded: LoadedWorkspace, layout: Layout) -> frozenset[str]:
     """Return the packages whose installed files came from the cache, and whose tests need a build folder."""
     records = open_journal(layout.build).records
     return frozenset(

@@ -34,7 +34,7 @@ from forge.output.handlers import ReportOptions
 from forge.output.reporters import Report, Start
 from forge.testing import preparing, running
 from forge.testing.collecting import result_folder_problems
-from forge.testing.preparing import RestoredSetup, has_no_tests, not_runnable, plan_restored
+from forge.testing.preparing import has_no_tests, not_runnable
 from forge.workspace.load import load_workspace
 from forge.workspace.selection import Query
 
@@ -148,14 +148,19 @@ def run(given: Options) -> int:
         closing(open_test_job_pool(jobs, variables)) as job_pool,
     ):
         started = StartedProcesses(layout.build)
-        restored = plan_restored(built, loaded, layout)
+        restored = BuildPlan({})
+        if from_cache := preparing.restored_names(built, loaded, layout):
+            builds = find(OPTIONS, "restored-tests", "tests from the cache")
+            restored = builds.plan_restored(from_cache, loaded, layout)
         failed = False
         if restored.tasks:
             note = f"building the tests of {counted(len(restored.tasks), 'package')} from the cache"
             print(note, file=sys.stderr if reports.json else sys.stdout, flush=True)
             with session_of(restored) as session:
                 start_reporters(session, {})
-                runner = TaskRunner(RestoredSetup(variables), LocalExecutor(job_pool, started), job_pool)
+                runner = TaskRunner(
+                    builds.RestoredSetup(variables), LocalExecutor(job_pool, started), job_pool
+                )
                 session.run(restored, runner, scheduler_of(restored))
                 failed = bool(session.report.tally.failed)
         unbuilt = not_runnable(built, loaded, layout, restored)
