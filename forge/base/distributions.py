@@ -49,10 +49,7 @@ def check_distribution(name: str | None, argument: str = "--rosdistro") -> None:
 
 
 def distribution_in(variables: Mapping[str, str]) -> str:
-    """Return the distribution whose interfaces an environment uses.
-
-    For an unknown one, ROS itself is expected to provide the interfaces; without one, the oldest is used.
-    """
+    """Return the distribution whose interfaces an environment uses: the oldest one if it is unknown."""
     name = variables.get(VARIABLE, "")
     return name if name in DISTRIBUTIONS else OLDEST
 

@@ -156,12 +156,11 @@ class HostError(ForgeError):
 
 class NotRegularFileError(OSError):
     def __init__(self, path: str, reason: str) -> None:
-        """`reason` completes the sentence that starts with the file name."""
         super().__init__(None, reason, path)
 
 
 def joined(problems: Iterable[Problem]) -> list[Problem]:
-    """Return the problems; many of one kind are joined into one at the position of the first."""
+    """Join many problems of one kind into one at the position of the first."""
     groups: dict[object, list[Problem]] = {}
     for problem in problems:
         kind = problem.group
@@ -199,7 +198,6 @@ class WarningReporter:
         self._previous: set[str] = set()
 
     def __call__(self, problems: Iterable[Problem]) -> None:
-        """Print warnings once; consecutive ones with the same hint show it only after the last."""
         texts = {problem.render("warning"): problem for problem in problems}
         new_problems = joined(problem for text, problem in texts.items() if text not in self._previous)
         for problem in share_hints(new_problems):
@@ -222,7 +220,6 @@ def raise_if_any(problems: Iterable[Problem], error: type[ForgeError] = ForgeErr
 
 
 def reason_of(error: OSError) -> str:
-    """Return the reason of an error, to complete a message."""
     return (error.strerror or str(error)).lower()
 
 

@@ -155,10 +155,9 @@ _Result = TypeVar("_Result")
 
 
 def find(group: str, name: str, kind: str, functions: tuple[str, ...] = ()) -> Any:
-    """Return the plugin `name` of a group, None for an unknown name.
+    """Return the plugin `name` of a group, None for an unknown name; `kind` names it in messages.
 
-    `kind` names it in messages, for example 'build type'. Raises ForgeError if it cannot be loaded or lacks
-    one of `functions`, and if it is one of forge's own that is not installed.
+    Raises ForgeError if it is not installed, cannot be loaded, or lacks one of `functions`.
     """
     if name not in OWN.get(group, ()):
         entry = entry_points(group).get(name)

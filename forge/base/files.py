@@ -36,10 +36,9 @@ _KINDS = {
 
 
 def read_file(path: str | Path) -> bytes:
-    """Return the bytes of a regular file.
+    """Return the bytes of a regular file, or of the null device; never blocks.
 
-    Never blocks, for example on a named pipe. The null device reads as an empty file. Raises
-    NotRegularFileError for other files that are not regular, OSError as the system does.
+    Raises NotRegularFileError for other files, OSError as the system does.
     """
     # Avoid a file object, which would stat the file two more times: builds read thousands of small files.
     descriptor = open_regular(os.fspath(path), os.O_RDONLY | os.O_CLOEXEC)
@@ -81,19 +80,13 @@ def capabilities(path: str) -> bytes:
 
 
 def read_text(path: str | Path, errors: str = "replace") -> str:
-    """Return the text of a regular file, as by `read_file`, with universal newlines.
-
-    Invalid UTF-8 is replaced, or handled according to `errors`.
-    """
+    """Return the text of a regular file, as by `read_file`, with universal newlines."""
     text = read_file(path).decode(errors=errors)
     return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
 def text_if_exists(path: str | Path) -> str | None:
-    """Return the text of a file with its newlines and with surrogate escapes, None if it is missing.
-
-    Raises OSError if the file exists, but cannot be read.
-    """
+    """Return the text of a file with its newlines and with surrogate escapes, None if it is missing."""
     try:
         with open(path, encoding="utf-8", errors="surrogateescape") as stream:
             return stream.read()
@@ -150,8 +143,7 @@ def current_umask() -> int:
 def listed_paths(path: str | Path) -> Iterator[str]:
     """Yield the absolute paths in a list of installed files, one per line; none if there is no list.
 
-    Names with a line break or, from CMake, a semicolon span several lines, which are joined if the result
-    exists.
+    Names with a line break or, from CMake, a semicolon span several lines.
     """
     try:
         lines = read_file(path).decode(errors="surrogateescape").split("\n")
@@ -186,11 +178,7 @@ def naming(path: Path | str) -> Iterator[None]:
 
 
 def replace_file(path: Path, content: bytes, *, mode: int | None = None) -> None:
-    """Write `content` to `path` atomically: readers see either the old or the new bytes.
-
-    Creates folders as needed. A symbolic link at `path` is replaced, not followed. Raises OSError as the
-    system does.
-    """
+    """Write `content` to `path` atomically, and create its folders; a link at `path` is replaced."""
     folder, name = os.path.split(path)
     temporary = os.path.join(folder, f".{name}.{os.urandom(4).hex()}{DRAFT}")
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
@@ -212,10 +200,9 @@ def replace_file(path: Path, content: bytes, *, mode: int | None = None) -> None
 
 
 def tree_below(root: str, device: int | None = None) -> tuple[list[tuple[str, os.stat_result]], list[str]]:
-    """Return the files and links below a folder with their stats, and the empty folders.
+    """Return the files and links below a folder with their stats, and the empty folders; no bytecode caches.
 
-    Bytecode caches of Python are left out. A missing folder has no files. With a `device`, mounts and folders
-    on other devices count as empty folders.
+    With a `device`, mounts and folders on other devices count as empty folders.
     """
     files: list[tuple[str, os.stat_result]] = []
     empty: list[str] = []
@@ -261,10 +248,7 @@ def mounts_below(folder: str) -> Iterator[str]:
 
 
 def delete_tree(path: str | Path) -> None:
-    """Remove a folder recursively; raises OSError with the full path of the entry that cannot be removed.
-
-    Nothing is removed if a file system is mounted there or below, or if the folder is a link.
-    """
+    """Remove a folder recursively; raises OSError if it is a link, or a file system is mounted below."""
     folder = os.fspath(path)
     if mounted := next(mounts_below(folder), None):
         raise OSError(errno.EBUSY, os.strerror(errno.EBUSY), mounted)
@@ -309,10 +293,7 @@ def remove_drafts(root: Path) -> None:
 
 
 def writable_by_others(status: os.stat_result) -> bool:
-    """Return whether users other than this one and root can write to a file or folder with this stat.
-
-    A group without other members, which many systems create for each user, does not count.
-    """
+    """Return whether users other than this one and root can write; the user's own group does not count."""
     user = os.geteuid()
     if status.st_mode & stat.S_IWOTH or (status.st_uid not in {user, 0} and user != 0):
         return True
@@ -337,10 +318,7 @@ def has_text(path: Path, text: str) -> bool:
 
 
 def write_if_changed(path: Path, text: str, *, mode: int | None = None) -> bool:
-    """Write UTF-8 `text` unless the file already has it; return whether it was written.
-
-    Surrogate escapes in file names are converted back to their original bytes.
-    """
+    """Write UTF-8 `text` unless the file already has it; return whether it was written."""
     if has_text(path, text) and (mode is None or path.stat().st_mode & 0o777 == mode):
         return False
     replace_file(path, text.encode(errors="surrogateescape"), mode=mode)

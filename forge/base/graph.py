@@ -62,16 +62,14 @@ def closure(needs: Mapping[str, frozenset[str]], names: Iterable[str]) -> frozen
 
 
 class RecursiveDependencies(Set[str]):
-    """The recursive dependencies of a name, in topological order.
+    """The recursive dependencies of a name, in topological order: bits of an integer.
 
-    The set is an integer whose bits are positions in the topological order; as Python sets, the dependencies
-    of a chain of thousands of packages would take millions of entries.
+    As Python sets, the dependencies of a chain of thousands of packages would take millions of entries.
     """
 
     __slots__ = ("bits", "place")
 
     def __init__(self, place: Mapping[str, int], bits: int) -> None:
-        """`place` maps each name of the graph to its position in topological order."""
         self.place = place
         self.bits = bits
 

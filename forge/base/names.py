@@ -38,10 +38,7 @@ def is_package_name(text: str) -> bool:
 
 
 def is_safe_name(text: str) -> bool:
-    """Return whether a name is safe in paths, scripts and CMake.
-
-    This holds for all valid names of packages, and most names of Python projects and folders.
-    """
+    """Return whether a name is safe in paths, scripts and CMake, as all valid names of packages are."""
     return _WORD.fullmatch(text) is not None
 
 

@@ -27,7 +27,6 @@ def keep_compiled(*where: Path) -> None:
     """Cache compiled templates in the first usable of these folders, from the first `render` on.
 
     Compiling a template takes 3 ms. Cached templates are executed, so the folder must be private to the user.
-    It is created when needed; if none is usable, every process compiles its templates.
     """
     _COMPILED[:] = where
 

@@ -117,10 +117,7 @@ def place_in(content: bytes, path: Path, line: int, column: int | None) -> Locat
 
 
 def as_utf8(content: bytes, path: Path) -> bytes:
-    """Return an XML document in UTF-8, decoded according to its byte order mark or declaration.
-
-    Raises WorkspaceError if the encoding is unknown or the document is not in it.
-    """
+    """Return an XML document in UTF-8; raises WorkspaceError if its declared encoding is wrong or unknown."""
     mark = next((name for start, name in _ENCODING_MARKS if content.startswith(start)), None)
     declared = _DECLARED_ENCODING.match(content)
     encoding = mark or (declared[1].decode() if declared else "utf-8")

@@ -61,28 +61,20 @@ class Digest:
 
 @frozen
 class OutputFile:
-    """A blob that belongs to a result, with its path within the result."""
-
     path: str
     digest: Digest
 
 
 @frozen
 class ActionResult:
-    """The fields that forge uses of ActionResult in Bazel's remote execution API: the result of a key.
-
-    `stdout` contains a few bytes inside the message itself; larger data are blobs of `files`.
-    """
+    """The result of a key: ActionResult of Bazel's remote execution API; larger data are blobs of `files`."""
 
     files: tuple[OutputFile, ...] = ()
     stdout: bytes = b""
 
 
 class StoreError(Exception):
-    """A store is unreachable, rejects a request, times out, or returns invalid data.
-
-    The message is shown to users: the operation and the reason of its failure. It never fails a build.
-    """
+    """The operation of a store that failed, and the reason, for users; it never fails a build."""
 
 
 class BlobError(StoreError):
@@ -91,11 +83,7 @@ class BlobError(StoreError):
 
 @frozen
 class RemoteOptions:
-    """The parameters of a remote store.
-
-    Each request may take `seconds`, and one more for each mebibyte. `variables` is the environment, which may
-    contain credentials. `warn` shows a message to the user.
-    """
+    """The parameters of a remote store; a request may take `seconds`, and one more for each mebibyte."""
 
     seconds: float
     writable: bool
@@ -117,10 +105,7 @@ class RemoteStore(Protocol):
         """Return the result stored for a key, or None."""
 
     def fetch(self, digest: Digest, target: Path) -> bool:
-        """Write a blob to the new file `target`; return False if the store does not have it.
-
-        On True, size and SHA-256 have been verified. Otherwise `target` does not exist.
-        """
+        """Write a blob to the new file `target` and verify it; return False if the store does not have it."""
 
     def upload(self, key: str, result: ActionResult, blobs: Mapping[Digest, Path]) -> None:
         """Store a result after its blobs, perhaps in the background; do nothing if the store is read-only."""

@@ -54,11 +54,10 @@ def configured(
     root: Path,
     variables: Mapping[str, str],
 ) -> dict[str, Any]:
-    """Return the values, by destination, that files set for options of a command.
+    """Return the values, by destination, that files set for options of a command, besides those `given`.
 
-    `given` are the values of the command line; one of them is returned only if mixins add to it. Unknown
-    options and invalid values are reported on stderr and ignored. Raises WorkspaceError for malformed files,
-    SelectionError for unknown profiles and mixins.
+    A given value is returned only if mixins add to it. Warns of unknown options and invalid values. Raises
+    WorkspaceError for malformed files, SelectionError for unknown profiles and mixins.
     """
     by_name = {
         option[2:]: action for action in actions for option in action.option_strings if option[:2] == "--"

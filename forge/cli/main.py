@@ -175,11 +175,7 @@ class _Formatter(argparse.HelpFormatter):
 
 
 class Parser(argparse.ArgumentParser):
-    """An ArgumentParser with forge's error format, option files and lists of arguments for other programs.
-
-    Such a list ends at the next option of colcon, so that `--cmake-args -DX=1 -Wno-dev --symlink-install`
-    passes `-DX=1 -Wno-dev` to CMake.
-    """
+    """An ArgumentParser with forge's error format, option files and lists of arguments for other programs."""
 
     verb: str | None = None
     """The command whose options may also be set in option files, None if they may not."""
@@ -194,8 +190,7 @@ class Parser(argparse.ArgumentParser):
     ) -> tuple[argparse.Namespace, list[str]]:
         """Parse the arguments, and combine them with option files.
 
-        Unknown arguments are reported here, where the options of the command are known. Options of other
-        programs are prefixed with a space, to hide them from argparse.
+        Options of other programs are prefixed with a space, to hide them from argparse.
         """
         classes = classified(self.verb, args or ())
         words = [f" {word}" if passed and word.startswith("-") else word for word, passed in classes]
@@ -312,10 +307,7 @@ def parser_of(arguments: Sequence[str]) -> argparse.ArgumentParser:
 
 
 def add_plugin(commands: Any, group: str, word: str, kind: str) -> None:
-    """Add the command or verb `word` of a plugin, if there is one; `kind` names it in messages.
-
-    The docstring of its module begins with the summary.
-    """
+    """Add the command or verb `word` of a plugin, if there is one; its docstring begins with the summary."""
     module = find(group, word, kind, ("register", "run"))
     if module is None:
         return

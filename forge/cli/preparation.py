@@ -85,10 +85,9 @@ class BuildMode:
     def worker(
         self, plan: BuildPlan, library: Path | None, *, has_rosidl: bool
     ) -> AbstractContextManager[dict[str, str]]:
-        """Return a context that yields the environment variables for the worker of short commands.
+        """Return a context that yields the variables for the worker of short commands, observed by `library`.
 
-        With `has_rosidl`, the generators of a distribution compile the interfaces. The worker is observed by
-        the `library`.
+        With `has_rosidl`, the generators of a distribution compile the interfaces.
         """
         packages = [task.package for task in plan.tasks.values()]
         compiles = not has_rosidl and any(INTERFACE_GROUP in each.manifest.groups for each in packages)
@@ -389,11 +388,9 @@ def build_variables(
 ) -> dict[str, str]:
     """Return the environment of a build: the caller's environment, ROS defaults and the recorded underlays.
 
-    Entries of this workspace are removed, so that sourcing it before a build makes no difference. Underlays
-    recorded by an earlier build are used even if they are not sourced in this shell, and underlays of which
-    the shell has only some variables are used as if they were sourced. The ROS distribution is `rosdistro`,
-    else that of the environment, else that of an underlay, else that of an earlier build. The underlays
-    `locked` are used as those of an earlier build.
+    Entries of this workspace are removed: sourcing it before a build makes no difference. Underlays of
+    an earlier build are used even if they are not sourced in this shell, and so are those `locked`. The ROS
+    distribution is `rosdistro`, else that of the environment, of an underlay, or of an earlier build.
     """
     own = tidy_prefixes(without_own(surroundings, layout))
     sourced = find_underlays(own, layout.install).chain
@@ -415,10 +412,7 @@ def build_variables(
 
 
 def without_own(variables: Mapping[str, str], layout: Layout) -> dict[str, str]:
-    """Return the variables without path entries below the install folder or an overlay of this workspace.
-
-    Install folders of other profiles count as its own. Variables that become empty are removed.
-    """
+    """Return the variables without path entries below install folders and overlays of this workspace."""
     install = layout.of_host.install
     sourced = find_underlays(variables, install)
     states = {root: install_state.recorded_state(root) for root in sourced.chain}
@@ -480,16 +474,9 @@ def known_rosdistro(rosdistro: str | None, root: Path, install: Path) -> str | N
 
 
 def _recorded_rosdistro(underlays: Sequence[Path], install: Path) -> str | None:
-    """Return the distribution of the highest underlay that recorded one, else that of the last build.
-
-    The highest underlay's generators are used. `underlays` is in order, lowest first.
-    """
-    return next(
-        filter(
-            None, (install_state.recorded_state(root).rosdistro for root in (*reversed(underlays), install))
-        ),
-        None,
-    )
+    """Return the distribution of the highest underlay that recorded one, else that of the last build."""
+    roots = (*reversed(underlays), install)
+    return next(filter(None, (install_state.recorded_state(root).rosdistro for root in roots)), None)
 
 
 def output_problems(
@@ -502,8 +489,7 @@ def output_problems(
 ) -> Iterator[Problem]:
     """Yield a problem for each output folder that forge did not create, or that contains foreign files.
 
-    `names` are the packages with folders below the bases; the install folder is checked unless `prefixes` is
-    False; `others` are further output folders by option.
+    `names` are the packages with folders below the bases, `others` further output folders by option.
     """
     workspace = loaded.workspace
     sources = _sources(workspace.root, workspace)
@@ -533,10 +519,7 @@ def _sources(root: Path, workspace: Workspace) -> folder_marks.SourceFolders:
 
 
 def forge_stamp() -> str:
-    """Return an identification of this forge: its version, the stats of its code, its Python and folder.
-
-    The stats of code and templates also detect changes of a development checkout.
-    """
+    """Return an identification of this forge: its version, the stats of its code, its Python and folder."""
     files = [path for folder in own_folders() for path in source_files(str(folder), NO_CODE)]
     python = ".".join(map(str, sys.version_info[:3]))
     return "\n".join((__version__, stamp_files(files), python, str(PACKAGE)))

@@ -1,7 +1,4 @@
-"""One run of a plan: the log, the live view and the reporters around the build loop.
-
-`forge build`, `forge build --watch` and `forge test` run their plans in a session.
-"""
+"""One run of a plan of `forge build` or `forge test`: the log and the reporters around the build loop."""
 
 from __future__ import annotations
 
@@ -103,10 +100,7 @@ class Session:
         resolve: Callable[[Task], Task | None] = lambda task: task,
         record: Callable[[Event], object] = lambda _: None,
     ) -> None:
-        """Run the plan; pass each event to `record`, then to the reporters.
-
-        See forge.execution.loop.execute() for `resolve` and for the handling of interrupts.
-        """
+        """Run the plan; pass each event to `record`, then to the reporters; `resolve` is as in `execute`."""
         waits = False
         with closing(execute(plan, runner, scheduler, resolve)) as events:
             for event in events:
@@ -157,8 +151,7 @@ def open_session(
 
     `seconds` contains the duration of earlier builds of packages. A `quiet` session prints failures only.
     `cmake_variables` are those passed to all packages; `surroundings` is the context for hints, as in
-    Failure. Embedded packages that were built before get no separate lines, except those that the
-    user named. Paths are displayed relative to `origin`.
+    Failure. Paths are displayed relative to `origin`.
     """
     handlers, durations = options.handlers, seconds or {}
     with closing(open_log(layout.logs, command)) as log, ExitStack() as opened:

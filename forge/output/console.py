@@ -67,9 +67,7 @@ _VISIBLE_LINES = 20
 class Tally:
     """The results of packages, as sorted names; embedded packages that are up to date are left out.
 
-    `embedded` are embedded packages that finished; `stderr` wrote to stderr; `restored` came from the cache;
-    the passed tests of `cached` were replayed;
-    the tests or dependencies of `not_tested` are not built.
+    `embedded` are embedded packages that finished, `cached` those whose passed tests were replayed.
     """
 
     finished: tuple[str, ...] = ()
@@ -107,10 +105,7 @@ class ConsoleReporter:
         logs: Path | None,
         shared: frozenset[str] = frozenset(),
     ) -> None:
-        """Start with no results.
-
-        `logs` is the log folder named in failures, `shared` the CMake variables passed to all packages.
-        """
+        """`logs` is the log folder named in failures, `shared` the CMake variables passed to all packages."""
         self.screen = PLAIN
         self.surroundings: Mapping[str, Any] = {}
         """Context for hints about failed packages: arguments of Failure."""

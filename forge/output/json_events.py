@@ -53,10 +53,7 @@ class JsonEvents:
         self.observers: list[Callable[[Mapping[str, object]], object]] = []
 
     def announce(self, *, steps: bool = False, seconds: Mapping[str, float] | None = None) -> None:
-        """Write the plan, with the commands of each package if `steps`.
-
-        `seconds` contains the duration of the last build of packages.
-        """
+        """Write the plan, with the commands of packages if `steps`, and the `seconds` of their last build."""
         last = seconds or {}
         needs = reduced({name: task.needs for name, task in self._plan.tasks.items()}, [*self._plan.tasks])
         for name in self._plan.fresh:

@@ -25,10 +25,7 @@ from forge.testing.outcomes import (
 
 @frozen
 class Collection:
-    """The results by path, all their files, and the reasons why some of them cannot be read.
-
-    The tests of a package write their results to `expected` paths.
-    """
+    """The results by path, all their files, those at the paths to which tests write, and problems."""
 
     outcomes: tuple[Outcome, ...]
     files: tuple[str, ...]
@@ -121,11 +118,7 @@ def last_run(tag: str) -> str:
 
 
 def _read(found: _Candidate) -> Outcome:
-    """Parse a file that is a result by its path or mentions tests.
-
-    Build folders contain many other XML files. Raises WorkspaceError for a result that cannot be read,
-    NotAResultError for any other file.
-    """
+    """Parse a result; raises WorkspaceError if it cannot be read, NotAResultError for other XML files."""
     path = Path(found.path)
     try:
         content = read_file(path)
@@ -150,10 +143,7 @@ _CTEST_RUN = re.compile(r"\d{8}-\d{4}")
 
 
 def result_folder_problems(names: Iterable[str], base: Path) -> Iterator[Problem]:
-    """Yield a problem for each result folder in which tests would replace unowned files.
-
-    colcon marks no such folder; its results are recognized by their contents.
-    """
+    """Yield a problem for each result folder in which tests would replace files of others."""
     for name in names:
         folder = base / name
         if is_own_result_dir(folder):
@@ -168,10 +158,7 @@ def result_folder_problems(names: Iterable[str], base: Path) -> Iterator[Problem
 
 
 def _is_of_colcon(path: Path, package: str) -> bool:
-    """Return whether a folder contains results from colcon.
-
-    Copies of CTest's, or JUnit files of this package.
-    """
+    """Return whether a path has copies of CTest's results, or JUnit files of this package, as from colcon."""
     if path.is_symlink():
         return False
     if path.name == "Testing":

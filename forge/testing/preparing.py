@@ -41,7 +41,7 @@ _TEST_MODULES = ("pytest", "pytest_cov", "pytest_repeat")
 
 
 def tested_names(loaded: LoadedWorkspace, warn: WarningReporter) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the selected packages, except embedded ones, and those of unsupported build types, with a warning.
+    """Return the selected packages, and, with a warning, those whose build type is not supported.
 
     Raises WorkspaceError for invalid manifests and duplicate names.
     """

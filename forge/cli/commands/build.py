@@ -103,10 +103,7 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
 
 @contextmanager
 def _output_folders(layout: Layout, options: BuildOptions) -> Iterator[float]:
-    """Create, lock and mark the build and install folders; yields the seconds waited.
-
-    A dry run of a workspace that was never built leaves no trace.
-    """
+    """Create, lock and mark the output folders, except in a first dry run; yields the seconds waited."""
     if options.dry_run and not layout.build.exists():
         yield 0
         return
