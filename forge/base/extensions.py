@@ -139,15 +139,8 @@ OWN: Mapping[str, Mapping[str, str]] = {
 PACKAGE_FILES: Mapping[str, str] = {"setup.py": "python", "pyproject.toml": "python", "Cargo.toml": "cargo"}
 """Files that make a folder a package without package.xml, and the build types of plugins that read them."""
 
-_EXTRAS = {
-    "arrow": "arrow",
-    "cross": "cross",
-    "dask": "dask",
-    "fetch": "fetch",
-    "lsp": "lsp",
-    "protobuf": "protobuf",
-    "remote_cache": "remote",
-    "system_deps": "rosdep",
+_EXTRAS = {"remote_cache": "remote", "system_deps": "rosdep"} | {
+    name: name for name in ("arrow", "cross", "dask", "fetch", "lsp", "protobuf")
 }
 """The extra with the dependencies of a plugin, if it has any."""
 

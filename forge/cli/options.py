@@ -18,7 +18,7 @@ from forge.base.options import NESTED, OPTION, Option, default_of, flag, option
 from forge.cli.colcon_options import PASSED_ON
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
     from forge.toolchain.targets import Target
 
@@ -43,8 +43,26 @@ def add_options(parser: argparse.ArgumentParser, cls: Any) -> None:
             if each.conflicts:
                 group = exclusive.setdefault(each.conflicts, None) or group.add_mutually_exclusive_group()
                 exclusive[each.conflicts] = group
+            default = argparse.SUPPRESS if each.inherited else default_of(declared)
+            keywords: dict[str, Any] = {"action": "store_true"}
+            if default is not False:
+                is_list = isinstance(default, tuple)
+                if isinstance(default, tuple):
+                    default = list(default) if each.combine is tuple else []
+                keywords = {
+                    "default": default,
+                    "action": _Accumulate if each.accumulates else "append" if each.repeats else None,
+                    "nargs": each.nargs or ("*" if is_list and not each.repeats else None),
+                    "required": each.required or None,
+                    "const": each.const,
+                    "choices": each.choices,
+                    "type": _argument_type(each.parse) if each.parse else None,
+                    "metavar": each.metavar,
+                }
             group.add_argument(
-                *filter(None, (each.short, _flag(cls, declared, each))), **_argument(declared, each)
+                *filter(None, (each.short, _flag(cls, declared, each))),
+                help=argparse.SUPPRESS if each.help is None else each.help,
+                **{name: value for name, value in keywords.items() if value is not None},
             )
 
 
@@ -92,27 +110,6 @@ def add_verb(
 def _flag(cls: Any, declared: Field[Any], each: Option) -> str:
     word = f"{getattr(cls, 'PREFIX', '--')}{declared.name.replace('_', '-')}"
     return each.flag or (declared.name if each.positional else word)
-
-
-def _argument(declared: Field[Any], each: Option) -> Mapping[str, Any]:
-    default = argparse.SUPPRESS if each.inherited else default_of(declared)
-    shown = argparse.SUPPRESS if each.help is None else each.help
-    if default is False:
-        return {"action": "store_true", "help": shown}
-    listed = isinstance(default, tuple)
-    if isinstance(default, tuple):
-        default = list(default) if each.combine is tuple else []
-    keywords = {
-        "default": default,
-        "action": _Accumulate if each.accumulates else "append" if each.repeats else None,
-        "nargs": each.nargs or ("*" if listed and not each.repeats else None),
-        "required": each.required or None,
-        "const": each.const,
-        "choices": each.choices,
-        "type": _argument_type(each.parse) if each.parse else None,
-        "metavar": each.metavar,
-    }
-    return {"help": shown, **{name: value for name, value in keywords.items() if value is not None}}
 
 
 class _Accumulate(argparse.Action):

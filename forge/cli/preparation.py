@@ -168,15 +168,8 @@ def _packages_to_build(
     requested = frozenset(names) if query.strict else query.named
     selected, warnings = leave_out(names, loaded.packages, loaded.resolution.needs, requested)
     warn(warnings)
-    if query.no_test_dependencies:
-        is_tested = _builds_tests(options)
-        packages = (loaded.packages[name] for name in selected)
-        tested = sorted(each.name for each in packages if each.only_tested_with and is_tested(each))
-        if tested:
-            which = f"'{tested[0]}'" if len(tested) == 1 else f"{len(tested)} packages, such as '{tested[0]}'"
-            message = f"'--no-test-dependencies' has no effect on {which}: BUILD_TESTING is turned on"
-            hint = "remove the option, or BUILD_TESTING from the arguments for CMake"
-            warn([Problem(message, hint=hint)])
+    if query.no_test_dependencies and (advice := own_plugin(OPTIONS, "advice-cmake-arguments")):
+        warn(advice.tested_anyway([loaded.packages[name] for name in selected], _builds_tests(options)))
     return selected
 
 

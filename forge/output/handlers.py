@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping
 
 from forge.base.errors import Problem, SelectionError, raise_if_any
 from forge.base.extensions import OWN, REPORTERS, is_installed, own_plugin
@@ -41,12 +40,6 @@ TEXT_HANDLERS = ("console_start_end", "console_cohesion", "console_direct", "con
 """The event handlers that print text on stdout."""
 
 
-def running_service(variables: Mapping[str, str]) -> str | None:
-    """Return the CI service that runs this process, if there is a reporter for it."""
-    named = (name for name, variable in CI_SERVICES.items() if variables.get(variable) == "true")
-    return next((name for name in named if is_installed(REPORTERS, name)), None)
-
-
 @frozen
 class ReportOptions:
     """The options for the output of a build or of tests."""
@@ -77,14 +70,14 @@ class ReportOptions:
             is_known = name in HANDLERS or (name not in OWN[REPORTERS] and find_reporter(name) is not None)
             if sign in {"+", "-"} and is_known:
                 continue
-            name = word.rstrip("+-")
-            near = nearest(name, HANDLERS)
-            question = f"did you mean '{near}{'-' if sign == '-' else '+'}'? " if near else ""
-            hint = f"{question}event handlers: {', '.join(HANDLERS)}"
-            message = f"--event-handlers: unknown event handler '{name}'"
-            if name in HANDLERS:
+            if (name := word.rstrip("+-")) in HANDLERS:
                 message = f"--event-handlers expects names followed by '+' or '-', not '{word}'"
                 hint = f"'{name}+' enables it, '{name}-' disables it"
+            else:
+                near = nearest(name, HANDLERS)
+                question = f"did you mean '{near}{'-' if sign == '-' else '+'}'? " if near else ""
+                message = f"--event-handlers: unknown event handler '{name}'"
+                hint = f"{question}event handlers: {', '.join(HANDLERS)}"
             problems.append(Problem(message, hint=hint))
         raise_if_any(problems, SelectionError)
         return {**HANDLERS, **{word[:-1]: word.endswith("+") for word in self.event_handlers}}
@@ -101,8 +94,8 @@ class ReportOptions:
     def reporters(self, *names: str) -> dict[str, Start]:
         """Return these reporters and those of --event-handlers; raises ForgeError if one is missing."""
         others = [name for name, is_on in self.handlers.items() if is_on and name not in HANDLERS]
-        service = self.ci_output or running_service(os.environ)
-        if service and service != NONE:
-            others.append(service)
+        running = (name for name, variable in CI_SERVICES.items() if os.environ.get(variable) == "true")
+        service = self.ci_output or next((name for name in running if is_installed(REPORTERS, name)), NONE)
+        others += [service] if service != NONE else []
         starts = {name: find_reporter(name) for name in (*names, *others)}
         return {name: start for name, start in starts.items() if start}

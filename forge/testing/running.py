@@ -48,11 +48,7 @@ class TestSetup(TaskLifecycle):
     """The plugin behind '--retest-until-pass', None without the option."""
 
     def results_of(self, task: Task, fault: str = "") -> tuple[Outcome, ...]:
-        """Return the results of a package's tests in this run.
-
-        They contain an error if the run wrote no result, and an error with the text `fault` if no result
-        contains a failure.
-        """
+        """Return the results of a package; an error stands for none, and `fault` for no failure."""
         if not task.steps:
             return ()
         if task.name not in self.results:
@@ -77,10 +73,7 @@ class TestSetup(TaskLifecycle):
     def surroundings(
         self, task: Task, step: Step, variables: Mapping[str, str], is_stopped: Callable[[], bool]
     ) -> Iterator[tuple[Mapping[str, str], bool]]:
-        """Yield the environment of a step, and whether it is observed.
-
-        Afterwards, keep its results if the tests may be repeated.
-        """
+        """Yield the environment of a step, and whether it is observed; then keep its results for retests."""
         isolated = self.domains.isolated if self.domains else lambda _, variables, __: nullcontext(variables)
         with isolated(step, variables, is_stopped) as environment:
             if self.cached:

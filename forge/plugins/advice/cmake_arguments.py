@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from forge.base.cmake_syntax import cmake_arguments
 from forge.base.errors import Problem
 from forge.base.names import nearest
+from forge.workspace.model import Package
 
 _WITHOUT_D = re.compile(r"[A-Za-z_]\w*(?::[A-Z]+)?=")
 _DEFINED_WITHIN = re.compile(r"\s-D\s*([A-Za-z_]\w*)(?::[A-Z]+)?=")
@@ -52,3 +53,15 @@ def _is_of_cmake(name: str) -> bool:
 def probable_variable(name: str) -> str | None:
     """Return the variable of CMake that was probably meant by an unused one, or None."""
     return None if name in _WELL_KNOWN else nearest(name, _WELL_KNOWN, _SIMILAR)
+
+
+def tested_anyway(
+    packages: Iterable[Package], is_tested: Callable[[Package], bool | None]
+) -> Iterator[Problem]:
+    """Yield a warning if arguments for CMake turn tests on in spite of --no-test-dependencies."""
+    tested = sorted(each.name for each in packages if each.only_tested_with and is_tested(each))
+    if tested:
+        which = f"'{tested[0]}'" if len(tested) == 1 else f"{len(tested)} packages, such as '{tested[0]}'"
+        message = f"'--no-test-dependencies' has no effect on {which}: BUILD_TESTING is turned on"
+        hint = "remove the option, or BUILD_TESTING from the arguments for CMake"
+        yield Problem(message, hint=hint)
