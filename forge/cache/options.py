@@ -81,10 +81,7 @@ class CacheOptions:
 
 
 def open_remote(url: str, options: RemoteOptions) -> RemoteStore:
-    """Return the store for a URL without connecting to it; raises ForgeError for an invalid URL.
-
-    The plugin is the one named like the scheme, or else that of fsspec, which supports many schemes.
-    """
+    """Return the store for a URL without connecting to it; fsspec handles schemes without another plugin."""
     scheme, what = _scheme(url), "remote cache backend"
     plugin = find(STORES, scheme, what, ("connect",)) or find(STORES, "fsspec", what)
     store: RemoteStore = call(f"the {what} '{scheme}'", plugin.connect, url, options)
@@ -102,9 +99,6 @@ def _scheme(url: str) -> str:
         hint = "for example: --remote-cache http://HOST:PORT/FOLDER"
         raise ForgeError(Problem("the remote cache is not a valid URL", hint=hint))
     if not url.isprintable():
-        raise ForgeError(
-            Problem(
-                "the URL of the remote cache contains invalid characters", hint="escape them, such as %20"
-            )
-        )
+        message = "the URL of the remote cache contains invalid characters"
+        raise ForgeError(Problem(message, hint="escape them, such as %20"))
     return parts.scheme

@@ -1,8 +1,7 @@
 """A preloaded forge process for the many short commands of one build.
 
-Interface packages run `forge interface generate`, and Python packages install their wheels. Both spend much
-of their time starting an interpreter and importing modules. The worker, `forge.cli.worker DESCRIPTOR [MODULE
-...]`, imports them once and forks for each request.
+Starting an interpreter and importing modules takes much of the time of `forge interface generate` and of
+installing a wheel. The worker imports them once and forks for each request.
 """
 
 from __future__ import annotations
@@ -33,10 +32,9 @@ WHEEL_MODULES = ("forge.cli.install_wheel",)
 
 @contextlib.contextmanager
 def worker(*modules: str, library: Path | None = None) -> Iterator[dict[str, str]]:
-    """Start a worker and yield the variables that let clients connect; stop it at the end of the block.
+    """Start a worker that has imported `modules`, and yield the variables that let clients connect.
 
-    `modules` are imported before the first request. With the `library` of the observer, requests from
-    observed steps are observed as well.
+    With the `library` of the observer, requests from observed steps are observed as well.
     """
 
     def command(descriptor: int) -> tuple[str, ...]:

@@ -115,8 +115,8 @@ class ConsoleReporter:
         self.test_counts: Counts | None = None
         """The numbers of tests, if the packages were tested."""
         self.no_test_ran = False
-        self.flaky_tests = 0
         """Whether the packages were tested, but had no tests or skipped all of them."""
+        self.flaky_tests = 0
         self.not_tested: tuple[str, ...] = ()
         """Packages that should have been tested, but could not be."""
         self.displayed: Callable[[Path], str] = str
@@ -217,12 +217,13 @@ class ConsoleReporter:
             none = f"\n  {palette.paint('warning', 'no test ran')}" if self.no_test_ran else ""
             flaky = f"  ({self.flaky_tests} flaky)" if self.flaky_tests else ""
             self._out(f"  {self.test_counts}{flaky}{none}")
-        if tally.embedded:
-            self._out(f"  {counted(len(tally.embedded), 'embedded package')} finished")
-        if tally.restored:
-            self._out(f"  {counted(len(tally.restored), 'package')} came from the cache")
-        if tally.cached:
-            self._out(f"  {counted(len(tally.cached), 'package')} cached")
+        for names, noun, verb in (
+            (tally.embedded, "embedded package", "finished"),
+            (tally.restored, "package", "came from the cache"),
+            (tally.cached, "package", "cached"),
+        ):
+            if names:
+                self._out(f"  {counted(len(names), noun)} {verb}")
         for outcome in self.launcher_summaries:
             self._out(f"  {outcome.words}")
         repeated = self._warnings.repeated.packages if self._warnings else {}

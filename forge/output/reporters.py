@@ -82,10 +82,7 @@ class Reporter:
         return ()
 
     def follow(self, event: Event) -> None:
-        """Follow a package: its steps with their commands, and their output; in the main thread.
-
-        Lines about the event are printed afterwards.
-        """
+        """Follow the steps of packages and their output, before lines about the event are printed."""
 
     def fold(self, title: str, block: str) -> str:
         """Return the output to display of a package that did not fail."""

@@ -109,10 +109,7 @@ def prepare_context(
     variables: Mapping[str, str],
     names: Sequence[str],
 ) -> tuple[TestContext, dict[str, Problem]]:
-    """Return the programs and options of the tests, and a problem for each package that lacks a program.
-
-    Raises HostError if no package can be tested.
-    """
+    """Return the programs and options of the tests, and a problem for each package that lacks a program."""
     packages = [loaded.packages[name] for name in names]
     cmake = [package for package in packages if package.build_type in CMAKE_TYPES]
     python = [package for package in packages if package.build_type in PYTHON_TYPES]
