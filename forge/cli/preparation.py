@@ -56,7 +56,7 @@ from forge.workspace.model import CMAKE_TYPES, PYTHON_TYPES
 from forge.workspace.resolve import INTERFACE_GROUP
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from forge.build.state import BuildState
     from forge.build.tasks import BuildPlan
@@ -122,57 +122,6 @@ class PreparedBuild:
         return (*self.context.tools, *relevant_environment(self.variables))
 
 
-def _load(
-    options: BuildOptions, layout: Layout, warn: WarningReporter
-) -> tuple[LoadedWorkspace, dict[str, str]]:
-    """Return the packages with their selection, and the variables of the build; print warnings."""
-    if options.reset_underlays and not options.dry_run and folder_marks.is_own_install_base(layout.install):
-        install_state.forget_underlays(layout.install)
-    locked: tuple[Path, ...] = ()
-    if os.path.lexists(PACKAGE_LOCK) and not options.dry_run:
-        # Build missing packages of the underlay that the lock of the workspace names.
-        build = find(UNDERLAYS, PACKAGE_LOCK, "file", ("build",)).build
-        surroundings = without_own(os.environ, layout)
-        locked = build(Path.cwd(), find_underlays(surroundings, layout.install).chain, surroundings, options)
-    variables = build_variables(layout, os.environ, options.rosdistro, locked)
-    if advice := own_plugin(OPTIONS, "advice-surroundings"):
-        overlays = find_underlays(os.environ, layout.install).overlays
-        underlays = replace(find_underlays(variables, layout.install), overlays=overlays)
-        outside = without_own(os.environ, layout)
-        warn(advice.about_underlays(layout.install, outside, underlays, variables[VARIABLE]))
-    loaded = load_workspace(
-        Path.cwd(),
-        options.query,
-        variables,
-        embedded=True,
-        install=layout.install,
-        tested=_builds_tests(options),
-    )
-    warn(loaded.warnings)
-    return loaded, variables
-
-
-def _builds_tests(options: BuildOptions) -> Callable[[Package], bool | None]:
-    cmake = options.cmake
-    return partial(builds_tests, cmake_args=cmake.cmake_args, ament_cmake_args=cmake.ament_cmake_args)
-
-
-def _packages_to_build(
-    loaded: LoadedWorkspace, options: BuildOptions, warn: WarningReporter
-) -> tuple[str, ...]:
-    """Return the selected packages and the embedded ones that they need, in topological order.
-
-    Packages of unknown build types that nothing requires are left out with a warning.
-    """
-    names, query = planning.names_to_build(loaded.selection, loaded.resolution), options.query
-    requested = frozenset(names) if query.strict else query.named
-    selected, warnings = leave_out(names, loaded.packages, loaded.resolution.needs, requested)
-    warn(warnings)
-    if query.no_test_dependencies and (advice := own_plugin(OPTIONS, "advice-cmake-arguments")):
-        warn(advice.tested_anyway([loaded.packages[name] for name in selected], _builds_tests(options)))
-    return selected
-
-
 def _with_packages_of_underlays(
     loaded: LoadedWorkspace,
     names: Sequence[str],
@@ -216,8 +165,30 @@ def prepare(options: BuildOptions, layout: Layout, mode: BuildMode) -> PreparedB
     Raises WorkspaceError with all problems that prevent the build, HostError for missing tools.
     """
     began = time.monotonic()
-    loaded, variables = _load(options, layout, mode.warn)
-    names = _packages_to_build(loaded, options, mode.warn)
+    cmake, query = options.cmake, options.query
+    if options.reset_underlays and not options.dry_run and folder_marks.is_own_install_base(layout.install):
+        install_state.forget_underlays(layout.install)
+    outside = without_own(os.environ, layout)
+    locked: tuple[Path, ...] = ()
+    if os.path.lexists(PACKAGE_LOCK) and not options.dry_run:
+        # Build missing packages of the underlay that the lock of the workspace names.
+        build = find(UNDERLAYS, PACKAGE_LOCK, "file", ("build",)).build
+        locked = build(Path.cwd(), find_underlays(outside, layout.install).chain, outside, options)
+    variables = build_variables(layout, os.environ, options.rosdistro, locked)
+    about_surroundings = own_plugin(OPTIONS, "advice-surroundings")
+    if about_surroundings:
+        overlays = find_underlays(os.environ, layout.install).overlays
+        underlays = replace(find_underlays(variables, layout.install), overlays=overlays)
+        mode.warn(about_surroundings.about_underlays(layout.install, outside, underlays, variables[VARIABLE]))
+    is_tested = partial(builds_tests, cmake_args=cmake.cmake_args, ament_cmake_args=cmake.ament_cmake_args)
+    loaded = load_workspace(
+        Path.cwd(), query, variables, embedded=True, install=layout.install, tested=is_tested
+    )
+    mode.warn(loaded.warnings)
+    names = planning.names_to_build(loaded.selection, loaded.resolution)
+    requested = frozenset(names) if query.strict else query.named
+    names, unsupported = leave_out(names, loaded.packages, loaded.resolution.needs, requested)
+    mode.warn(unsupported)
     problems = list(loaded.workspace.problems)
     if not (problems or loaded.workspace.packages or os.path.lexists(PACKAGE_LOCK)):
         raise_if_any(output_problems(loaded, layout, ()), WorkspaceError)
@@ -233,10 +204,10 @@ def prepare(options: BuildOptions, layout: Layout, mode: BuildMode) -> PreparedB
         cross = target.prepare(layout, variables, options.cross)
         variables = {**variables, **cross.variables}
     packages = [loaded.packages[name] for name in names]
-    cmake = options.cmake
     cmake_args = (*cmake.cmake_args, *cmake.ament_cmake_args)
     if advice := own_plugin(OPTIONS, "advice-cmake-arguments"):
         mode.warn(advice.suspicious_arguments(cmake_args))
+        mode.warn(advice.tested_anyway(packages, is_tested) if query.no_test_dependencies else ())
         for package in packages:
             words = (*package.option_values("cmake-args"), *package.option_values("ament-cmake-args"))
             suspicious = advice.suspicious_arguments(words)
@@ -247,8 +218,10 @@ def prepare(options: BuildOptions, layout: Layout, mode: BuildMode) -> PreparedB
     tools = find_tools(packages, variables, launcher, has_compiler=cross is not None, cmake_args=cmake_args)
     chain = find_underlays(variables, layout.install).chain
     interpreter = find_interpreter(options.python, variables, chain, root=loaded.workspace.root)
-    if advice := own_plugin(OPTIONS, "advice-surroundings"):
-        mode.warn(advice.other_interpreter(install_state.recorded_python(layout.install), interpreter))
+    if about_surroundings:
+        mode.warn(
+            about_surroundings.other_interpreter(install_state.recorded_python(layout.install), interpreter)
+        )
     if cross and cross.python_version:
         interpreter = replace(interpreter, version=cross.python_version)
     shared_args = (*(cross.cmake_args if cross else ()), *cmake.cmake_args)
@@ -290,7 +263,7 @@ def prepare(options: BuildOptions, layout: Layout, mode: BuildMode) -> PreparedB
         environment_generator=variables.get("CMAKE_GENERATOR"),
         path_maps=path_maps if options.cache.wanted else (),
         cargo_args=options.cargo_args,
-        no_test_dependencies=options.query.no_test_dependencies,
+        no_test_dependencies=query.no_test_dependencies,
         flags=tuple((language, variables.get(variable, "")) for language, variable in FLAGS.items()),
     )
     context = with_toolchains(context, packages, variables)
