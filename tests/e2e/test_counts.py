@@ -37,7 +37,7 @@ NOTHING_CHANGED = {
 }
 """Per package of 5 source files in 3 folders and 28 installed ones: each is looked at about once."""
 
-LINE_CHANGED = {"files read": 410, "folders listed": 60, "stat calls": 3100}
+LINE_CHANGED = {"files read": 415, "folders listed": 60, "stat calls": 3150}
 """What forge itself asks beyond a build of nothing when a line has changed.
 
 Most files are modules that only a build imports. Installed files that are compared twice are read twice. Of
