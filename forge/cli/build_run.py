@@ -33,7 +33,7 @@ from forge.execution.task_setup import TaskSetup
 from forge.toolchain.cmake_variables import defined
 from forge.toolchain.compiler_launchers import LauncherStats
 from forge.toolchain.programs import ninja_first, program_of
-from forge.toolchain.resources import LIBRARY_PATH_BELOW, gcc_heap, memory
+from forge.toolchain.resources import LIBRARY_PATH_BELOW, memory
 from forge.workspace.model import CMAKE_TYPES
 from forge.workspace.resolve import GENERATORS
 
@@ -97,8 +97,9 @@ def run_plan(plan: BuildPlan, build: PreparedBuild, state: BuildState) -> int:
         if not (audit or context.launcher):
             # These variables make compilers faster.
             variables[LIBRARY_PATH_BELOW] = build.variables.get("LD_LIBRARY_PATH", "")
-            if compiles and not remote and job_pool.local:
-                variables |= gcc_heap(memory(), job_pool.local)
+            gcc_heap = own_plugin(OPTIONS, "gcc-heap")
+            if gcc_heap and compiles and not remote and job_pool.local:
+                variables |= gcc_heap.heap_variables(memory(), job_pool.local)
         screen = session.report.screen
         coloured = screen.palette().enabled and screen.palette(stderr=True).enabled
         if coloured and not options.report.json and not remote:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import os
 import shlex
 import sys
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,6 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from forge.base.errors import HostError, Problem
+from forge.base.extensions import OPTIONS, own_plugin
 from forge.base.own_environment import has_no_pip
 from forge.toolchain.interpreter import ask_python, is_own
 
@@ -29,17 +29,6 @@ _FILES_OF_SETUPTOOLS = ("setuptools", "pkg_resources", "_distutils_hack", "setup
 
 _ON_INDEX = {"cv2": "opencv-python", "em": "empy<4", "pytest_cov": "pytest-cov", "yaml": "PyYAML"}
 """Distributions on PyPI whose names differ from those of their modules."""
-_USUAL_NAMES = frozenset({"coverage", "numpy", "pytest", "pytest_cov", "setuptools", "wheel"})
-_OTHER_NAMES = {
-    "catkin_pkg": {"apt": "catkin-pkg", "dnf": "catkin_pkg"},
-    "cv2": {"apt": "opencv", "dnf": "opencv"},
-    "em": {"apt": "empy", "dnf": "empy"},
-    "lark": {"apt": "lark", "dnf": "lark-parser"},
-    "yaml": {"apt": "yaml", "dnf": "pyyaml"},
-}
-"""Package names on Debian, Fedora and similar systems, without the prefix 'python3-'."""
-_SYSTEM = (Path("/usr/bin"), Path("/bin"))
-
 DEBIAN = frozenset({"debian", "ubuntu", "linuxmint", "pop", "raspbian", "zorin", "elementary"})
 RED_HAT = frozenset({"fedora", "rhel", "centos", "rocky", "almalinux", "ol", "openeuler", "amzn"})
 
@@ -74,28 +63,22 @@ def missing_modules_problem(python: Path, modules: Iterable[str]) -> Problem:
     )
 
 
-def install_command(python: Path, modules: Sequence[str], system: Mapping[str, str] | None = None) -> str:
+def install_command(python: Path, modules: Sequence[str]) -> str:
     """Return the shell command that installs modules for an interpreter.
 
-    The interpreter of Debian, Fedora and similar systems needs system packages, because pip refuses to
-    install into it; other modules may have a package of the usual name, else a virtual environment is needed.
-    All others have pip, except for environments created by uv. `system` are the fields of os-release, by
-    default this machine's.
+    All but those of the system have pip, except for environments created by uv.
     """
     words = " ".join(shlex.quote(_ON_INDEX.get(name, name)) for name in modules)
     program = shlex.quote(str(python))
-    if manager := _package_manager(python, system):
-        usual = {name: name.lower().replace("_", "-") for name in modules}
-        names = (_OTHER_NAMES.get(name, {}).get(manager, usual[name]) for name in modules)
-        packages = shlex.join(f"python3-{name}" for name in names)
-        command = f"{'' if os.geteuid() == 0 else 'sudo '}{manager} install {packages}"
-        if _USUAL_NAMES.union(_OTHER_NAMES).issuperset(modules):
-            return command
-        activated = f"{program} -m venv --system-site-packages .venv && . .venv/bin/activate"
-        return f"{command}; if there is no such package: {activated} && pip install {words}"
-    if has_no_pip(python.parent.parent):
-        return f"uv pip install --python {program} {words}"
-    return f"{program} -m pip install {words}"
+    advice = own_plugin(OPTIONS, "advice-system-python")
+    if advice and (command := advice.system_command(python, modules, words)):
+        return str(command)
+    pip = (
+        f"uv pip install --python {program}"
+        if has_no_pip(python.parent.parent)
+        else f"{program} -m pip install"
+    )
+    return f"{pip} {words}"
 
 
 def missing_modules(python: Path, names: Iterable[str]) -> list[str]:
@@ -103,17 +86,6 @@ def missing_modules(python: Path, names: Iterable[str]) -> list[str]:
     if is_own(python):
         return [name for name in names if importlib.util.find_spec(name) is None]
     return ask_python(python, _MISSING, *names).split()
-
-
-def _package_manager(python: Path, system: Mapping[str, str] | None) -> str:
-    """Return the package manager of the system's own interpreter, '' for others."""
-    try:
-        # The system has packages for one version only.
-        is_default = python.parent in _SYSTEM and python.samefile(python.with_name("python3"))
-    except OSError:
-        return ""
-    kin = families(os_release() if system is None else system) if is_default else ()
-    return "apt" if not DEBIAN.isdisjoint(kin) else "" if RED_HAT.isdisjoint(kin) else "dnf"
 
 
 def setuptools_path(python: str, folder: Path, *, wheels: bool) -> Path | None:

@@ -12,23 +12,13 @@ from pathlib import Path
 
 from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
-from forge.base.layout import templates_folder
 
 ROOT = Path("/")
 _UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 _LEAST_SHARE, _LEAST_BYTES = 0.1, 1 << 30
 
-CXX_LAUNCHER = "FORGE_CXX"
-"""The variable with the prefix of C++ compiler command lines."""
-HEAP_VARIABLE = "FORGE_GCC_HEAP"
-"""The heap size in kB."""
 LIBRARY_PATH_BELOW = "FORGE_LIBRARY_PATH_BELOW"
-"""LD_LIBRARY_PATH without the packages of the workspace."""
-_GCC_DEFAULT_HEAP = 128 << 20
-_LARGEST_HEAP = 512 << 20
-"""Larger heaps save no further time when compiling rclcpp."""
-_HEAP_SHARE = 8
-"""Since GCC allocates twice the size, all jobs together use at most a quarter of the memory."""
+"""The variable with LD_LIBRARY_PATH without the packages of the workspace."""
 
 
 @frozen
@@ -113,21 +103,6 @@ def is_overloaded(limit: MemoryLimit | None, load_limit: float | None) -> bool:
         return True
     now = memory()
     return now is not None and (limit or default_memory_limit(now)).exceeded(now)
-
-
-def gcc_heap(memory: Memory | None, jobs: int) -> dict[str, str]:
-    """Return the variables that make `jobs` C++ compilers share the memory; empty for GCC's default.
-
-    GCC collects garbage for the first time when it has allocated twice `ggc-min-heapsize`, which is 128 MB on
-    every machine with more than 1 GB. Sources that include rclcpp allocate 300 to 700 MB, and collecting
-    takes 3 to 15 % of their compile time. The heap size does not change the compiled code.
-    """
-    size = min(_LARGEST_HEAP, memory.total // (_HEAP_SHARE * jobs)) if memory else 0
-    script = str(templates_folder() / "cmake/compile_cxx.sh")
-    # The shell splits the value, and would expand patterns in it.
-    if size <= _GCC_DEFAULT_HEAP or any(character in script for character in " \t\n*?["):
-        return {}
-    return {CXX_LAUNCHER: f"sh {script}", HEAP_VARIABLE: str(size >> 10)}
 
 
 def _folders(controller: str, root: Path) -> Iterator[Path]:

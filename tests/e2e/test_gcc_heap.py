@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from forge.base.layout import templates_folder
-from forge.toolchain.resources import LIBRARY_PATH_BELOW, Memory, gcc_heap
+from forge.plugins.gcc_heap.heap import SCRIPT, heap_variables
+from forge.toolchain.resources import LIBRARY_PATH_BELOW, Memory
 from tests.conftest import Forge, Tree
 from tests.packages import manifest_text
 
@@ -108,11 +108,11 @@ def launch(folder: Path, *argv: str) -> str:
     """Run a command line through the script and return what arrived."""
     environment = {
         **os.environ,
-        **gcc_heap(PLENTY, 2),
+        **heap_variables(PLENTY, 2),
         LIBRARY_PATH_BELOW: "/below",
         "LD_LIBRARY_PATH": "/ws/lib",
     }
-    script = templates_folder() / "cmake/compile_cxx.sh"
+    script = SCRIPT
     for program in ("g++", "g++-13", "c++", "ccache", "cmake", "clang-tidy"):
         path = folder / program
         path.write_text('#!/bin/sh\necho "$LD_LIBRARY_PATH: $*"\n', encoding="utf-8")
@@ -161,12 +161,12 @@ def test_gcc_output_is_identical(tmp_path: Path) -> None:
     source.write_text(
         '#include <map>\n#include <string>\nstd::map<std::string, std::string> f() { return {{"a", "b"}}; }\n'
     )
-    script = templates_folder() / "cmake/compile_cxx.sh"
+    script = SCRIPT
     compiler = shutil.which("g++") or ""
     often = [compiler, "--param=ggc-min-heapsize=1024", "--param=ggc-min-expand=1"]
     objects = []
     for prefix in (often, ["sh", str(script), compiler]):
-        environment = {**os.environ, **gcc_heap(PLENTY, 2)}
+        environment = {**os.environ, **heap_variables(PLENTY, 2)}
         subprocess.run([*prefix, "-O1", "-c", str(source), "-o", str(result)], env=environment, check=True)
         objects.append(result.read_bytes())
     assert objects[0] == objects[1]

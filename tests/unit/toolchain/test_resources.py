@@ -4,14 +4,10 @@ import os
 
 import pytest
 
-from forge.base.layout import templates_folder
 from forge.toolchain.resources import (
-    CXX_LAUNCHER,
-    HEAP_VARIABLE,
     Memory,
     MemoryLimit,
     default_memory_limit,
-    gcc_heap,
     is_overloaded,
     load,
     memory,
@@ -135,32 +131,3 @@ def test_the_default_memory_limit_keeps_a_tenth_free_but_at_most_one_gib() -> No
     assert default_memory_limit(Memory(64 * GIB, GIB - 1)).exceeded(Memory(64 * GIB, GIB - 1))
     assert MemoryLimit(share=0.5).exceeded(Memory(4 * GIB, GIB))
     assert not MemoryLimit().exceeded(Memory(4 * GIB, 0))
-
-
-@pytest.mark.parametrize(
-    ("total", "jobs", "mib"),
-    [
-        (64 * GIB, 2, 512),
-        (32 * GIB, 16, 256),
-        (16 * GIB, 8, 256),
-        (16 * GIB, 16, None),
-        (4 * GIB, 4, None),
-        (4 * GIB, 2, 256),
-    ],
-)
-def test_compilers_together_use_at_most_a_quarter_of_the_memory(
-    total: int, jobs: int, mib: int | None
-) -> None:
-    found = gcc_heap(Memory(total, 0), jobs)
-    assert found.get(HEAP_VARIABLE) == (str(mib << 10) if mib else None)
-    assert (CXX_LAUNCHER in found) == (mib is not None)
-    assert 2 * (mib or 0) * (1 << 20) * jobs <= total / 4
-
-
-def test_gcc_chooses_its_limit_if_memory_is_unknown() -> None:
-    assert gcc_heap(None, 2) == {}
-
-
-def test_paths_that_the_shell_would_split_are_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("forge.toolchain.resources.templates_folder", lambda: templates_folder() / "a folder")
-    assert gcc_heap(Memory(64 * GIB, 0), 2) == {}
