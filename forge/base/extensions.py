@@ -112,6 +112,7 @@ OWN: Mapping[str, Mapping[str, str]] = {
         "mixin": "forge.plugins.mixins.mixins",
         "outdated-tests": "forge.plugins.explain.outdated",
         "package-memory": "forge.plugins.package_memory.measuring",
+        "packages-select-build-failed": "forge.plugins.last_results.results",
         "packages-select-changed": "forge.plugins.git_changes.changes",
         "partial-install": "forge.plugins.partial_installs.changes",
         "python-pitfalls": "forge.plugins.pyproject.pitfalls",

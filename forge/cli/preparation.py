@@ -44,11 +44,10 @@ from forge.build.snapshot import take_snapshot
 from forge.engine.variables import relevant_environment
 from forge.environment import install_state
 from forge.environment.prefixes import PACKAGES, find_underlays, spellings, tidy_prefixes
-from forge.environment.underlays import lacks_modules
 from forge.execution.makeflags import read_make_flags
 from forge.toolchain.cmake_variables import OLDEST_POLICY, builds_tests, unset_definitions
 from forge.toolchain.compiler_launchers import selected_launcher
-from forge.toolchain.interpreter import Interpreter, find_interpreter, own_command
+from forge.toolchain.interpreter import Interpreter, find_interpreter, lacks_modules, own_command
 from forge.toolchain.programs import condensed, find_tools, identities
 from forge.workspace.discovery import ROS_DEFAULTS, special_files
 from forge.workspace.load import LoadedWorkspace, find_packages, load_workspace

@@ -17,8 +17,7 @@ from forge.base.files import names_in, open_regular, text_or_nothing
 from forge.base.frozen import Pairs
 from forge.base.text import digest
 from forge.engine.variables import is_tracked, mentioned
-from forge.toolchain.config_search import ConfigSearch, prefixes_of_path
-from forge.toolchain.programs import ProgramLookup
+from forge.toolchain.programs import ConfigSearch, ProgramLookup, prefixes_of_path
 
 _SYSTEM = ("/usr/local", "/usr", "", "/opt")
 _OF_PACKAGES = re.compile(r"/?|/(lib\w*|share)(/[\w-]+-linux-\w+)?(/cmake|/CMake)?")

@@ -19,11 +19,8 @@ Read = Callable[[str], str | None]
 """The text of a file below a package's prefix, or None if it does not exist."""
 
 OPERATIONS = (
-    "prepend-non-duplicate",
-    "prepend-non-duplicate-if-exists",
-    "append-non-duplicate",
-    "set",
-    "set-if-unset",
+    *("prepend-non-duplicate", "prepend-non-duplicate-if-exists", "append-non-duplicate"),
+    *("set", "set-if-unset"),
 )
 
 _VARIABLE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -83,10 +80,7 @@ class PackageEdits:
 
 
 def parse_dsv(text: str, path: str) -> tuple[tuple[DsvChange, ...], tuple[str, ...]]:
-    """Return the changes and the sourced paths of a dsv file, in order.
-
-    Raises WorkspaceError for unknown lines.
-    """
+    """Return the changes and the sourced paths of a dsv file; raises WorkspaceError for unknown lines."""
     changes: list[DsvChange] = []
     sources: list[str] = []
     problems: list[Problem] = []
@@ -99,8 +93,7 @@ def parse_dsv(text: str, path: str) -> tuple[tuple[DsvChange, ...], tuple[str, .
         if operation == "source" and parts and ".." not in parts and "\0" not in rest:
             sources.append(rest)
         elif "\0" not in line and operation in OPERATIONS and has_value and _VARIABLE.fullmatch(variable):
-            one = operation in {"set", "set-if-unset"}
-            all_values = [values] if one else values.split(";")
+            all_values = [values] if operation in {"set", "set-if-unset"} else values.split(";")
             changes += (DsvChange(operation, variable, value) for value in all_values)
         else:
             hint = "the format is 'OPERATION;VARIABLE;VALUE' or 'source;PATH'"
@@ -120,9 +113,8 @@ def read_hooks(name: str, read: Read) -> tuple[Hook, ...]:
 
 
 def _read_file(path: str, read: Read, opened: frozenset[str]) -> Iterator[Hook]:
-    """Yield the hooks of one dsv file; recursive references are ignored."""
     text = read(path)
-    if text is None or path in opened:
+    if text is None or path in opened:  # recursive references are ignored
         return
     changes, sources = parse_dsv(text, path)
     yield from changes

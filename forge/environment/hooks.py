@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from collections.abc import Iterable
+from itertools import chain
 from pathlib import PurePosixPath
 
 from forge.base.frozen import Pairs
@@ -32,17 +33,11 @@ def package_hooks(name: str, files: Iterable[str], site_packages: str, *, ament:
     find_modules = [
         folder
         for base in ("lib64", "lib32", "libx32", "lib", "share")
-        for folder in (
-            f"{base}/cmake/{name}",
-            f"{base}/{name}",
-            f"{base}/{name}/cmake",
-            f"{base}/{name}/CMake",
-        )
+        for below in (f"cmake/{name}", name, f"{name}/cmake", f"{name}/CMake")
+        for folder in (f"{base}/{below}",)
         if any(file.startswith("Find") and file.endswith(".cmake") for file in folders.get(folder, ()))
     ]
-    has_config = any(
-        file.endswith(("Config.cmake", "-config.cmake")) for names in folders.values() for file in names
-    )
+    has_config = any(file.endswith(("Config.cmake", "-config.cmake")) for file in chain(*folders.values()))
     libraries = [
         folder
         for folder, names in folders.items()
@@ -59,17 +54,15 @@ def package_hooks(name: str, files: Iterable[str], site_packages: str, *, ament:
         if PurePosixPath(folder).name == "pkgconfig" and folder.startswith(("lib", "share"))
         if any(name.endswith(".pc") for name in names)
     ]
-    hooks = {
+    return {
         **numbered("cmake_module_path", "CMAKE_MODULE_PATH", find_modules),
         **numbered("cmake_prefix_path", "CMAKE_PREFIX_PATH", [""] if has_config else []),
         **{f"ld_library_path_{folder}": _line("LD_LIBRARY_PATH", folder) for folder in libraries},
         **numbered("path", "PATH", ["bin"] if "bin" in folders else []),
         **numbered("pythonpath", "PYTHONPATH", python_folders),
         **numbered("pkg_config_path", "PKG_CONFIG_PATH", pkg_configs),
+        **numbered("ament_prefix_path", "AMENT_PREFIX_PATH", [""] if ament else []),
     }
-    if ament:
-        hooks["ament_prefix_path"] = _line("AMENT_PREFIX_PATH", "")
-    return hooks
 
 
 def _line(variable: str, value: str) -> str:

@@ -48,9 +48,7 @@ def find_package(
     install: Path | None,
     sources: Callable[[], Mapping[str, str]] = dict,
 ) -> Path:
-    """Return the prefix of an installed package.
-
-    `sources` returns the build types of the packages that can be built.
+    """Return the prefix of an installed package; `sources` returns the build types of those to build.
 
     Raises HostError if there are no prefixes, ForgeError if none contains the package.
     """
@@ -64,9 +62,9 @@ def find_package(
         message = f"'{name}' is a package without ament, which ament's index does not contain"
         hint = f"it is installed in '{plain}', and 'forge run {name}' runs its programs"
         raise ForgeError(Problem(message, hint=hint))
+    remedy: str | None
     if install and is_package_name(name) and (install / name / "lib").is_dir():
-        where_to_call = "at the end of its CMakeLists.txt, which registers the package"
-        remedy: str | None = f"call ament_package() {where_to_call}"
+        remedy = "call ament_package() at the end of its CMakeLists.txt, which registers the package"
     elif name in built:
         profile = recorded_state(install).profile if install else setting("PROFILE", variables)
         remedy = f"build it: {forge_command(f'build --packages-select {name}', profile)}"
@@ -100,10 +98,7 @@ def unregistered_prefix(name: str, install: Path | None) -> Path | None:
 
 
 def executables(package: str, prefix: Path) -> tuple[Path, ...]:
-    """Return the executables of a package, sorted by path, like `ros2 pkg executables`.
-
-    These are all executable files below lib/PACKAGE; hidden and linked folders are not entered.
-    """
+    """Return the executable files below lib/PACKAGE, sorted by path, like `ros2 pkg executables`."""
     return _executables(prefix / "lib" / package)
 
 
@@ -120,7 +115,7 @@ def plain_executables(package: str, prefix: Path) -> tuple[Path, ...]:
 
 def _executables(root: Path) -> tuple[Path, ...]:
     paths: list[Path] = []
-    for folder, folders, files in os.walk(root):
+    for folder, folders, files in os.walk(root):  # linked folders are not entered, either
         folders[:] = (name for name in folders if not name.startswith("."))
         paths += (Path(folder, name) for name in files if os.access(Path(folder, name), os.X_OK))
     return tuple(sorted(path for path in paths if path.is_file()))

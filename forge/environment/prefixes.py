@@ -43,8 +43,7 @@ class InstalledPackage:
 def find_underlays(variables: Mapping[str, str], install: Path) -> Underlays:
     """Return the sourced workspaces except this one and those that were built on it.
 
-    A root contains setup scripts; the prefix of a package in an isolated layout represents its root. A root
-    that is named by several paths counts once.
+    The prefix of a package in an isolated layout represents its root. A root with several paths counts once.
     """
     roots = _folders(variables, "COLCON_PREFIX_PATH")
     for prefix in _folders(variables, "AMENT_PREFIX_PATH"):
@@ -80,10 +79,12 @@ def tidy_prefixes(variables: Mapping[str, str]) -> dict[str, str]:
 
     These do not affect a build, but a changed variable rebuilds every package.
     """
-    paths = {name: variables[name].split(os.pathsep) for name in _VARIABLES if variables.get(name)}
     tidied = {
-        name: os.pathsep.join(dict.fromkeys(str(Path(entry)) for entry in entries if entry))
-        for name, entries in paths.items()
+        name: os.pathsep.join(
+            dict.fromkeys(str(Path(entry)) for entry in variables[name].split(os.pathsep) if entry)
+        )
+        for name in _VARIABLES
+        if variables.get(name)
     }
     return {**variables, **tidied}
 

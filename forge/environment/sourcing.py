@@ -22,21 +22,17 @@ _SET_BY_SHELL = frozenset({"_", "SHLVL", "PWD", "OLDPWD", "COLCON_CURRENT_PREFIX
 
 
 def build_environment(packages: Iterable[tuple[str, Path]], variables: Mapping[str, str]) -> dict[str, str]:
-    """Return `variables` after sourcing the packages (name, prefix), lowest first, entries in front.
+    """Return `variables` after sourcing the packages (name, prefix), lowest first, without forge's secrets.
 
-    The result is for code of packages and does not contain forge's credentials. It is computed from dsv
-    files; only hooks that are pure shell scripts are run, with sh. Raises WorkspaceError for an unreadable
-    dsv file, HostError for a hook that exits.
+    Only hooks that are pure shell scripts are run, with sh. Raises WorkspaceError for an unreadable dsv file,
+    HostError for a hook that exits.
     """
     edits = [(prefix, edit) for name, prefix in packages for edit in package_edits(name, prefix)]
     return _apply(edits, without_secrets(variables), first=True)
 
 
 def workspace_environment(chain: Sequence[Path], variables: Mapping[str, str]) -> dict[str, str]:
-    """Return `variables` after sourcing the `local_setup` scripts of the roots, lowest first.
-
-    Raises like `build_environment`.
-    """
+    """Return `variables` after sourcing `local_setup` of the roots, lowest first; raises as above."""
     result = dict(variables)
     for root in chain:
         result = apply(
@@ -88,10 +84,7 @@ def package_edits(name: str, prefix: Path) -> tuple[Edit | Script, ...]:
 
 
 def own_edits(name: str, prefix: Path, files: Iterable[str]) -> tuple[Edit | Script, ...]:
-    """Return the edits of a package in a merged prefix, based only on its own files.
-
-    Files that other packages have installed make no difference.
-    """
+    """Return the edits of a package in a merged prefix, whatever other packages have installed there."""
     own = {"", "."}
     for file in files:
         path = file
@@ -110,7 +103,7 @@ def clear_edit_cache() -> None:
 
 @lru_cache(maxsize=4096)
 def _read_edits(name: str, prefix: Path, _stamp: tuple[int, int, int]) -> tuple[Edit | Script, ...]:
-    """Read the dsv files of a package; the stamp of its package.dsv changes with each installation."""
+    # The stamp of package.dsv changes with each installation.
     # Unlike Path.exists, os.path.exists returns False for invalid names.
     return resolve_hooks(_read_hooks(name, prefix), lambda path: os.path.exists(prefix / path))
 

@@ -30,10 +30,10 @@ from forge.environment.install_state import recorded_python
 from forge.environment.prefixes import PACKAGES, find_underlays, provider
 from forge.toolchain.cmake_variables import was_built_without_tests
 from forge.toolchain.interpreter import find_interpreter
-from forge.toolchain.languages import compiled_packages
 from forge.toolchain.programs import find_ctest
 from forge.toolchain.python_modules import install_command, missing_modules
 from forge.toolchain.targets import find_target
+from forge.workspace.cmake_text import compiled_packages
 from forge.workspace.load import LoadedWorkspace
 from forge.workspace.model import CMAKE_TYPES, PYTHON_TYPES, TEST_KINDS, Package
 

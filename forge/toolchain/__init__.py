@@ -6,9 +6,7 @@ May import the packages above it in docs/explanation/architecture.md, up to `wor
 __all__ = [
     "cmake_variables",
     "compiler_launchers",
-    "config_search",
     "interpreter",
-    "languages",
     "programs",
     "python_modules",
     "resources",

@@ -49,10 +49,9 @@ def unused_variables(output: bytes) -> frozenset[str]:
 
 
 def builds_tests(package: Package, cmake_args: Sequence[str], ament_cmake_args: Sequence[str]) -> bool | None:
-    """Return whether CMake's arguments, global and its own, enable or disable the tests of a package.
+    """Return whether CMake's arguments enable or disable the tests of a package, None if they do neither.
 
-    Returns None if they do not set BUILD_TESTING. Packages that are not built by CMake follow the arguments
-    for all packages.
+    Packages that are not built by CMake follow the arguments for all packages.
     """
     words = [*cmake_args]
     if package.build_type in CMAKE_TYPES:

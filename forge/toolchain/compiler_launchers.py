@@ -32,10 +32,8 @@ def selected_launcher(word: str | None) -> str:
         return ""
     if word not in LAUNCHERS:
         # Names in files and on the command line are validated when parsed: this one is from the environment.
-        hint = f"use {', '.join(LAUNCHERS)} or {NONE}"
-        raise SelectionError(
-            Problem(f"FORGE_COMPILER_LAUNCHER: unknown compiler launcher '{word}'", hint=hint)
-        )
+        message = f"FORGE_COMPILER_LAUNCHER: unknown compiler launcher '{word}'"
+        raise SelectionError(Problem(message, hint=f"use {', '.join(LAUNCHERS)} or {NONE}"))
     return word
 
 

@@ -6,19 +6,20 @@ the workspace keep the interpreter in their first line, and would break with the
 
 from __future__ import annotations
 
-import contextlib
 import os
 import re
 import shutil
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import field
 from pathlib import Path
 
 from forge.base.errors import HostError, Problem
+from forge.base.files import names_in
 from forge.base.frozen import frozen
-from forge.base.layout import PACKAGE, PACKAGE_LOCK
-from forge.environment.underlays import python_versions, underlay_python
+from forge.base.layout import LAYOUT_MARKER, PACKAGE, PACKAGE_LOCK
+from forge.environment.install_state import recorded_python
 
 OLDEST = (3, 10)
 
@@ -32,6 +33,11 @@ _PROGRAM = "import sys; print(*sys.version_info[:2]); print(sys.executable)"
 
 ENVIRONMENT_FOLDER = ".venv"
 """The virtual environment that `forge fetch` creates in a workspace with a lock."""
+
+_FOLDER = re.compile(r".*/python(\d+)\.(\d+)")
+_SHEBANG = re.compile(rb"#!\s*(/\S*/python3?(?:\.\d+)?)\s")
+_SCRIPTS_READ = 20
+"""The maximum number of scripts that are read per prefix: most have the same interpreter."""
 
 OPTION = "'--python'"
 ON_PATH = "'python3' on PATH"
@@ -70,7 +76,7 @@ class Interpreter:
 
     @property
     def chosen(self) -> bool:
-        """Return whether the user has chosen the interpreter, by an option or an active environment."""
+        """Whether an option or an active environment chose the interpreter."""
         return self.origin in _CHOSEN
 
 
@@ -79,7 +85,7 @@ _Choice = tuple[Path, str]
 
 
 def own_path() -> Path:
-    """Return the interpreter that runs forge; the name does not depend on how forge was started."""
+    """Return the interpreter that runs forge, by a name that does not depend on how forge was started."""
     return _usual_name(Path(sys.executable))
 
 
@@ -198,10 +204,7 @@ def _program_in(environment: Path) -> Path | None:
 
 
 def _of_underlays(underlays: Sequence[Path], variables: Mapping[str, str]) -> _Choice | None:
-    """Return the interpreter of the highest underlay that records one.
-
-    Raises HostError if the interpreter for its modules is missing.
-    """
+    """Return the interpreter of the highest underlay that has one; raises HostError if it is missing."""
     for root in reversed(underlays):
         path = underlay_python(root)
         if path is None or _is_of_tool(path):
@@ -216,7 +219,7 @@ def _of_version(root: Path, variables: Mapping[str, str]) -> Path | None:
     versions = python_versions(root)
     if not versions:
         return None
-    with contextlib.suppress(HostError):
+    with suppress(HostError):
         usual = _examined(*_on_path(variables))
         if usual.version in versions:
             return usual.path
@@ -264,19 +267,18 @@ def _examined(path: Path, origin: str) -> Interpreter:
         return Interpreter(path, sys.version_info[:2], origin)
     real = path.resolve()
     match = _VERSIONED.fullmatch(real.name)
-    with contextlib.suppress(OSError):
+    with suppress(OSError):
         if match and os.access(real, os.X_OK):
             with real.open("rb") as stream:
                 if stream.read(2) != b"#!":
                     return Interpreter(path, (int(match[1]), int(match[2])), origin)
-    answer = ask_python(path, _PROGRAM, isolated=True).splitlines()
-    words = answer[0].split() if answer else []
-    if len(words) != 2 or not all(word.isdecimal() for word in words):
+    answer = re.match(r"(\d+) (\d+)\n(.*)", ask_python(path, _PROGRAM, isolated=True))
+    if not answer:
         raise HostError(Problem(f"'{path}' is not a python interpreter"))
     # The shims of pyenv, asdf and mise start another program, which depends on the current folder.
-    if origin not in _KEPT and answer[1:] and Path(answer[1]).is_file():
-        path = _usual_name(Path(answer[1]))
-    return Interpreter(path, (int(words[0]), int(words[1])), origin)
+    if origin not in _KEPT and Path(answer[3]).is_file():
+        path = _usual_name(Path(answer[3]))
+    return Interpreter(path, (int(answer[1]), int(answer[2])), origin)
 
 
 def _listed(versions: frozenset[tuple[int, int]]) -> str:
@@ -286,7 +288,56 @@ def _listed(versions: frozenset[tuple[int, int]]) -> str:
 def _usual_name(path: Path) -> Path:
     """Return the python3 next to a program if both are the same file, for a stable path."""
     usual = path.with_name("python3")
-    with contextlib.suppress(OSError):
+    with suppress(OSError):
         if usual.samefile(path):
             return usual
     return path
+
+
+def python_versions(root: Path) -> frozenset[tuple[int, int]]:
+    """Return the Python versions of an underlay's modules in lib/pythonX.Y; empty without modules."""
+    versions = (frozenset(version for _, version in _module_folders(prefix)) for prefix in _prefixes(root))
+    return next(filter(None, versions), frozenset())
+
+
+def lacks_modules(root: Path, variables: Mapping[str, str]) -> bool:
+    """Return whether a prefix has Python modules, but none of its folders is on PYTHONPATH.
+
+    This is the case if only AMENT_PREFIX_PATH or CMAKE_PREFIX_PATH contain a distribution, as with `sudo -E`.
+    """
+    python_path = {
+        os.path.realpath(entry) for entry in variables.get("PYTHONPATH", "").split(os.pathsep) if entry
+    }
+    folders = [folder for folder, _ in _module_folders(root)]
+    return bool(folders) and python_path.isdisjoint(map(os.path.realpath, folders))
+
+
+def underlay_python(root: Path) -> Path | None:
+    """Return the interpreter that an underlay was built with: recorded by forge, else that of its scripts."""
+    if (recorded := recorded_python(root)) is not None:
+        return Path(recorded)
+    for prefix in _prefixes(root):
+        for name in names_in(f"{prefix}/bin")[:_SCRIPTS_READ]:
+            with suppress(OSError), Path(prefix, "bin", name).open("rb") as stream:
+                match = _SHEBANG.match(stream.readline(512))
+                python = Path(os.fsdecode(match[1])) if match else None  # no path if `env` finds it
+                if python is not None and python.exists():
+                    return python
+    return None
+
+
+def _prefixes(root: Path) -> Iterator[Path]:
+    yield root
+    if (root / LAYOUT_MARKER).is_file():
+        yield from (root / name for name in names_in(f"{root}"))
+
+
+def _module_folders(prefix: Path) -> Iterator[tuple[str, tuple[int, int]]]:
+    """Yield the folders with Python modules of one prefix, and the versions in their names."""
+    for library in ("lib", "local/lib"):
+        for folder in (f"{library}/{name}" for name in names_in(f"{prefix}/{library}")):
+            match = _FOLDER.fullmatch(folder)
+            for modules in ("site-packages", "dist-packages") if match else ():
+                # Empty folders of that name also belong to underlays without modules.
+                if match and names_in(f"{prefix}/{folder}/{modules}"):
+                    yield f"{prefix}/{folder}/{modules}", (int(match[1]), int(match[2]))

@@ -10,8 +10,10 @@ import os
 import re
 import stat
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from bisect import bisect_left
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache, cached_property
+from itertools import islice
 from pathlib import Path
 
 from forge.base.errors import HostError, Problem, raise_if_any
@@ -22,6 +24,8 @@ from forge.base.text import counted, digest
 from forge.toolchain.compiler_launchers import LAUNCHERS
 from forge.workspace.model import CMAKE_TYPES, Package
 
+_INSIDE = ("", "/cmake", "/CMake")
+_LIBRARIES = ("lib64", "lib32", "libx32", "lib", "share")
 COMPILERS = ("c++", "g++", "clang++", "cc", "gcc", "clang")
 _NAMES_COMPILER = re.compile(r"COMPILER|TOOLCHAIN|INCLUDE|--toolchain|--preset|(?:^| )-C")
 _NAMES_BUILDER = re.compile(r"CMAKE_MAKE_PROGRAM|TOOLCHAIN|--toolchain|--preset|(?:^| )-[CG]")
@@ -71,26 +75,21 @@ def find_tools(
     if cmake is None:
         problems.append(no_cmake(cmake_packages))
     elif not (ninja or make or "CMAKE_GENERATOR" in variables):
-        without = [
-            package for package in cmake_packages if not _NAMES_BUILDER.search(arguments[package.name])
-        ]
+        without = [each for each in cmake_packages if not _NAMES_BUILDER.search(arguments[each.name])]
         problems += [no_builder(without)] if without else []
     launcher_path = find_program(launcher, variables) if launcher else None
     if launcher and launcher_path is None:
         hint = LAUNCHERS[launcher]
         problems.append(Problem(f"compiler launcher '{launcher}' not found on PATH", hint=hint))
-    texts = [
-        (package, text_or_nothing(package.path / "CMakeLists.txt"))
-        for package in cmake_packages
-        if not package.embedded
-    ]
+    own = (package for package in cmake_packages if not package.embedded)
+    texts = [(package, text_or_nothing(package.path / "CMakeLists.txt")) for package in own]
     path = variables.get("PATH", os.defpath)
     if not (
         has_compiler
         or not {"CC", "CXX", "CMAKE_TOOLCHAIN_FILE"}.isdisjoint(variables)
         or any(_which(name, path) for name in COMPILERS)
     ):
-        from forge.toolchain.languages import certainly_compiles
+        from forge.workspace.cmake_text import certainly_compiles
 
         compiled = [
             package
@@ -140,8 +139,7 @@ def ninja_first(ninja: Path | None, folder: Path, variables: Mapping[str, str]) 
 
 def find_ctest(variables: Mapping[str, str]) -> Path:
     """Return CTEST_COMMAND, else the ctest next to CMake, else from PATH; raises HostError."""
-    named = variables.get("CTEST_COMMAND")
-    if named:
+    if named := variables.get("CTEST_COMMAND"):
         return Path(named)
     cmake = find_cmake(variables)
     beside = cmake.with_name("ctest") if cmake else None
@@ -231,8 +229,7 @@ def find_ninja(variables: Mapping[str, str]) -> Path | None:
     The wheel's Ninja supports the jobserver. The Ninja of most distributions does not, and would build the
     last large package with the few jobs that were free when it started.
     """
-    named = variables.get("NINJA")
-    if named:
+    if named := variables.get("NINJA"):
         return Path(named)
     beside = Path(sys.executable).with_name("ninja")
     if importlib.util.find_spec("ninja") is not None and beside.is_file():
@@ -241,12 +238,8 @@ def find_ninja(variables: Mapping[str, str]) -> Path | None:
 
 
 def find_cmake(variables: Mapping[str, str]) -> Path | None:
-    """Return CMAKE_COMMAND, else CMake from PATH, else the wheel's.
-
-    The wheel's command is a Python script; return the program that it starts.
-    """
-    named = variables.get("CMAKE_COMMAND")
-    if named:
+    """Return CMAKE_COMMAND, else CMake from PATH, else the program that the wheel's Python script starts."""
+    if named := variables.get("CMAKE_COMMAND"):
         return Path(named)
     cmake = find_program("cmake", variables)
     if cmake is None or cmake.parent == Path(sys.executable).parent:
@@ -297,3 +290,51 @@ class ProgramLookup:
                 folder, _, name = path.rpartition("/")
                 return f"{self._real(folder)}/{name} {status.st_size} {status.st_mtime_ns}"
         return ""
+
+
+def prefixes_of_path(folders: Sequence[str]) -> tuple[str, ...]:
+    """Return the prefixes that CMake derives from PATH: the parents of 'bin' and 'sbin'."""
+    pairs = (folder.rstrip("/").rpartition("/") for folder in folders)
+    return tuple(dict.fromkeys(above or "/" for above, _, last in pairs if last in {"bin", "sbin"}))
+
+
+class ConfigSearch:
+    """Searches config files; each folder is read once."""
+
+    def __init__(self) -> None:
+        self._bases = cache(self._find_bases)
+        self._listed = cache(self._sorted_entries)
+
+    def folder(self, prefix: str, name: str) -> str:
+        """Return the real folder of a package's config file below a prefix, '' if there is none."""
+        files = (f"{name}Config.cmake", f"{name.lower()}-config.cmake")
+        for folder in self._candidates(prefix, name.lower()):
+            if any((file.lower(), file) in self._listed(folder) for file in files):
+                return os.path.realpath(folder)
+        return ""
+
+    def _candidates(self, prefix: str, name: str) -> Iterator[str]:
+        """Yield the folders below a prefix that CMake searches, ignoring the case of the name."""
+        yield from (f"{prefix}{below}" for below in _INSIDE)
+        for entry in self._named(prefix, name):
+            yield from (f"{prefix}/{entry}{below}" for below in _INSIDE)
+        for base in self._bases(prefix):
+            yield from (f"{base}/cmake/{entry}" for entry in self._named(f"{base}/cmake", name))
+            for entry in self._named(base, name):
+                yield from (f"{base}/{entry}{below}" for below in _INSIDE)
+
+    def _find_bases(self, prefix: str) -> tuple[str, ...]:
+        native = (f"lib/{entry}" for _, entry in self._listed(f"{prefix}/lib") if "-linux-" in entry)
+        return tuple(f"{prefix}/{below}" for below in (*native, *_LIBRARIES))
+
+    def _named(self, folder: str, name: str) -> Iterator[str]:
+        listed = self._listed(folder)
+        for low, entry in islice(listed, bisect_left(listed, (name, "")), None):
+            if not low.startswith(name):
+                break
+            yield entry
+
+    @staticmethod
+    def _sorted_entries(folder: str) -> list[tuple[str, str]]:
+        """Return the entries of a folder as (lower-case name, name), sorted."""
+        return sorted((entry.lower(), entry) for entry in names_in(folder))

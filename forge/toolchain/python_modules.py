@@ -73,12 +73,9 @@ def install_command(python: Path, modules: Sequence[str]) -> str:
     advice = own_plugin(OPTIONS, "advice-system-python")
     if advice and (command := advice.system_command(python, modules, words)):
         return str(command)
-    pip = (
-        f"uv pip install --python {program}"
-        if has_no_pip(python.parent.parent)
-        else f"{program} -m pip install"
-    )
-    return f"{pip} {words}"
+    if has_no_pip(python.parent.parent):
+        return f"uv pip install --python {program} {words}"
+    return f"{program} -m pip install {words}"
 
 
 def missing_modules(python: Path, names: Iterable[str]) -> list[str]:

@@ -31,8 +31,7 @@ def _absolute(path: str) -> Path:
 def _python_version(text: str) -> tuple[int, int]:
     major, _, minor = text.partition(".")
     if major != "3" or not minor.isdecimal():
-        message = f"expected a version such as '3.10', not '{text}'"
-        raise ValueError(message)
+        raise ValueError(f"expected a version such as '3.10', not '{text}'")
     return int(major), int(minor)
 
 

@@ -10,27 +10,14 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from forge.base.distributions import (
-    EMBEDDED,
-    OLDEST,
-    SINCE,
-    VARIABLE,
-    definition_folders,
-    embedded_definitions,
-)
+from forge.base import distributions
+from forge.base.distributions import EMBEDDED, OLDEST, VARIABLE
 from forge.base.errors import Location, Problem, reason_of
 from forge.base.files import not_regular_reason
 from forge.base.names import project_name
 from forge.workspace.identification import MARKER_FILES, identify, read_package
 from forge.workspace.identity import NOT_A_PACKAGE
-from forge.workspace.model import (
-    PYTHON_TYPES,
-    BrokenPackage,
-    Dependency,
-    DependencyKind,
-    Package,
-    Workspace,
-)
+from forge.workspace.model import PYTHON_TYPES, BrokenPackage, Dependency, DependencyKind, Package, Workspace
 from forge.workspace.overrides import NO_OVERRIDES, Overrides
 from forge.workspace.source_names import folders_to_search, is_environment, is_source_folder
 
@@ -112,17 +99,15 @@ def discover(
 @cache
 def discover_embedded(rosdistro: str = OLDEST) -> Mapping[str, Package]:
     """Return the packages that forge embeds for a ROS distribution; an invalid one is a bug in forge."""
-    folders = sorted(path.parent for path in EMBEDDED.glob("*/package.xml"))
-    folders = [
-        path for path in folders if not (path / SINCE).is_dir() or embedded_definitions(path, rosdistro)
-    ]
-    packages = (read_package(folder, folder, {**ROS_DEFAULTS, VARIABLE: rosdistro}) for folder in folders)
     by_name = {}
-    for package in packages:
+    for folder in sorted(path.parent for path in EMBEDDED.glob("*/package.xml")):
+        since = folder / distributions.SINCE
+        if since.is_dir() and not distributions.embedded_definitions(folder, rosdistro):
+            continue
+        package = read_package(folder, folder, {**ROS_DEFAULTS, VARIABLE: rosdistro})
         # A package may have services only in newer distributions.
-        has_services = package.has_services or any(
-            (folder / "srv").is_dir() for folder in definition_folders(package.path, rosdistro)
-        )
+        definitions = distributions.definition_folders(folder, rosdistro)
+        has_services = package.has_services or any((path / "srv").is_dir() for path in definitions)
         by_name[package.name] = replace(package, embedded=True, has_services=has_services)
     return by_name
 
@@ -158,14 +143,13 @@ def special_files(root: Path, folder: Path) -> Iterator[Problem]:
                     yield Problem(f"cannot read the file: {reason}", Location(place))
 
 
-def _expanded(root: Path, paths: Iterable[str]) -> Iterable[str]:
+def _expanded(root: Path, paths: Iterable[str]) -> Iterator[str]:
     for path in paths:
-        if "*" not in path:
+        if "*" in path:
+            matches = sorted(glob.glob(path, root_dir=root))
+            yield from (match for match in matches if os.path.isdir(os.path.join(root, match)))
+        else:
             yield path
-            continue
-        for match in sorted(glob.glob(path, root_dir=root)):
-            if os.path.isdir(os.path.join(root, match)):
-                yield match
 
 
 def projects(packages: Iterable[Package]) -> dict[str, list[Package]]:

@@ -34,7 +34,7 @@ def read_forge_toml(root: Path) -> dict[str, Any]:
 
 @lru_cache(maxsize=1)
 def _content(path: Path, *_state_of_file: int) -> dict[str, Any]:
-    """Return the contents of a file; cached, because several stages of a command read the same file."""
+    """Read a file that several stages of a command ask for."""
     return read_toml(read_file(path), path)
 
 
@@ -85,11 +85,7 @@ def _table(profile: str) -> str:
 
 
 def folder_of_profile(base: str, name: str) -> str:
-    """Return the folder of a profile: '--profile debug' builds in build-debug, installs in install-debug.
-
-    They are beside the folders of other builds, because forge owns everything in a build folder, and the root
-    of a workspace is the folder around 'install'.
-    """
+    """Return the folder of a profile, beside the others, because forge owns all in a build folder."""
     return f"{base.rstrip('/')}-{name}"
 
 

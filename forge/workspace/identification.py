@@ -124,20 +124,15 @@ def _identify(folder: Folder, variables: Mapping[str, str], build_types: tuple[s
         from forge.workspace.plain_packages import identify_plain
 
         identity = identify_plain(folder)
-    if identity is None:
-        identity = _as_other(folder, build_types)
-    if identity is None:
-        identity = NOT_A_PACKAGE
-        if folder.type or folder.name:
-            identity = _incomplete(folder, "its files do not provide the missing name or type")
+    identity = identity or _as_other(folder, build_types)
+    if identity is None and (folder.type or folder.name):
+        identity = _incomplete(folder, "its files do not provide the missing name or type")
+    identity = identity or NOT_A_PACKAGE
     return replace(identity, notes=(*foreign, *identity.notes)) if foreign else identity
 
 
 def _as_other(folder: Folder, build_types: tuple[str, ...]) -> Identity | None:
-    """Return the package that a build type of another distribution finds, or None.
-
-    The build type that the user assigned is used, else the first matching one in forge.toml.
-    """
+    """Return the package that the assigned build type, or the first fitting one in forge.toml, finds."""
     if folder.type is not None:
         assigned = folder.type not in OWN_TYPES and not folder.type.startswith("ros.")
         build_types = (folder.type,) if assigned else ()
@@ -152,23 +147,18 @@ def _as_other(folder: Folder, build_types: tuple[str, ...]) -> Identity | None:
 
 
 def _as_ros(folder: Folder, variables: Mapping[str, str]) -> Identity | None:
-    """Return the identity according to package.xml and marker files of ROS tools, or None.
-
-    Both are ignored if the user assigned another type.
-    """
+    """Return the identity by package.xml and marker files of ROS, unless the user assigned another type."""
     if folder.type not in {None, "ros"} and not str(folder.type).startswith("ros."):
         return None
     any_build_type = folder.type in {None, "ros"}
-    hidden = any_build_type and any(
-        (folder.absolute / mark).exists() for mark in _ROS_IGNORE_FILES if mark in folder.entries
-    )
+    marks = _ROS_IGNORE_FILES if any_build_type else ()
+    hidden = any((folder.absolute / mark).exists() for mark in marks if mark in folder.entries)
     if not hidden and "package.xml" in folder.entries:
         package = read_package(folder.absolute, folder.display_path, variables)
-        if folder.name:
-            package = replace(package, manifest=replace(package.manifest, name=folder.name))
-        if not any_build_type:
-            manifest = replace(package.manifest, build_type=str(folder.type).removeprefix("ros."))
-            package = replace(package, manifest=manifest)
+        if folder.name or not any_build_type:
+            name = folder.name or package.name
+            build_type = package.build_type if any_build_type else str(folder.type).removeprefix("ros.")
+            package = replace(package, manifest=replace(package.manifest, name=name, build_type=build_type))
         return Identity(package)
     if hidden or "manifest.xml" in folder.entries:
         # The latter is a rosbuild package, whose CMakeLists.txt is incompatible.

@@ -112,18 +112,12 @@ def load_workspace(
     selection, notes = select(query, ordered, resolution.needs, limits, every, hint_for)
     if not listing:
         raise_if_any(clashes(workspace, selection.names), WorkspaceError)
-    warnings = (
-        *workspace.notes,
-        *cycle_warnings,
-        *resolve.unmet_versions(workspace.packages),
-        *unsure,
-        *notes,
-    )
-    faults: tuple[Problem, ...] = ()
+    unmet = resolve.unmet_versions(workspace.packages)
+    warnings = (*workspace.notes, *cycle_warnings, *unmet, *unsure, *notes)
     if listing:
         names = {other.name for other in workspace.duplicates}
-        faults = (*workspace.problems, *clashes(workspace, names))
-    loaded = LoadedWorkspace(workspace, resolution, selection, (*faults, *warnings))
+        warnings = (*workspace.problems, *clashes(workspace, names), *warnings)
+    loaded = LoadedWorkspace(workspace, resolution, selection, warnings)
     return _without_broken(loaded, frozenset(broken), listing=listing) if workspace.broken else loaded
 
 
@@ -226,13 +220,11 @@ def resolve_workspace(
         events=has_service_events(rosdistro),
         untested=untested,
     )
-    hints: dict[str, str] = {}
-    if resolve.GENERATORS not in resolution.withheld:
-        missing = {name for names in resolution.missing.values() for name in names}
-        hints = {name: hint for name in missing if (hint := distribution_hint(name, rosdistro))}
+    own = resolve.GENERATORS not in resolution.withheld
+    missing = {name for names in resolution.missing.values() for name in names} if own else ()
     return replace(
         resolution,
-        elsewhere=hints,
+        elsewhere={name: hint for name in missing if (hint := distribution_hint(name, rosdistro))},
         known=lambda: (*resolution.known(), *ament_index.resources("packages", underlays.prefixes)),
     )
 
@@ -253,9 +245,6 @@ def _with_duplicates(
     return replace(resolution, packages=packages, needs=needs)
 
 
-_FEW = 5
-
-
 def clashes(workspace: Workspace, names: Collection[str]) -> Iterator[Problem]:
     """Yield a problem for each folder that contains packages of `names` which also exist elsewhere."""
     paths: dict[str, list[Path]] = {}
@@ -267,9 +256,7 @@ def clashes(workspace: Workspace, names: Collection[str]) -> Iterator[Problem]:
         name: min(candidates, key=lambda path: (path.parts[:1] != ("src",), len(path.parts), path))
         for name, candidates in paths.items()
     }
-    copies = [
-        (name, path) for name, candidates in paths.items() for path in candidates if path != originals[name]
-    ]
+    copies = [(name, path) for name in paths for path in paths[name] if path != originals[name]]
     groups: dict[tuple[Path, Path], list[tuple[str, Path]]] = {}
     for name, path in copies:
         # Copies of folders with the same contents form one group.
@@ -279,7 +266,7 @@ def clashes(workspace: Workspace, names: Collection[str]) -> Iterator[Problem]:
         groups.setdefault((first, second), []).append((name, path))
     tops = {top for pair in groups for top in pair}
     if len(tops) > 1 and all(top != Path() and (workspace.root / top / "src").is_dir() for top in tops):
-        quoted = listed(sorted(paths), _FEW)
+        quoted = listed(sorted(paths), 5)
         message = f"this folder contains {len(tops)} workspaces with packages of the same names: {quoted}"
         yield Problem(message, hint=f"change to one of them: cd {min(tops)}")
         return
@@ -287,10 +274,8 @@ def clashes(workspace: Workspace, names: Collection[str]) -> Iterator[Problem]:
     manifests = {package.path: package.manifest.path for package in workspace.all_packages}
     for (top, copy), members in groups.items():
         name, path = members[0]
-        near = f"'{path}/{IGNORE_MARK}'"
         only_copies = all(path in others for path in manifests if path.is_relative_to(copy))
-        if only_copies and copy != Path():
-            near = f"'{copy}/{IGNORE_MARK}'"
+        near = f"'{copy if only_copies and copy != Path() else path}/{IGNORE_MARK}'"
         worktree = (workspace.root / copy / ".git").is_file()
         why = f"'{copy}' is another checkout of a repository: " if worktree else ""
         hint = f"{why}rename one, or ignore one by creating an empty file {near}"
@@ -298,6 +283,6 @@ def clashes(workspace: Workspace, names: Collection[str]) -> Iterator[Problem]:
             message = f"two packages are named '{name}': '{originals[name]}' and '{path}'"
             yield Problem(message, Location(manifests[path]), hint)
         else:
-            quoted = listed([name for name, _ in members], _FEW)
+            quoted = listed([name for name, _ in members], 5)
             message = f"{len(members)} packages are in '{top}' and again in '{copy}': {quoted}"
             yield Problem(message, Location(copy), hint)

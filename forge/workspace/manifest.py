@@ -75,8 +75,8 @@ _LICENSE_3 = frozenset({"file", "type", "source-files"})
 def parse_manifest(content: bytes, path: Path, variables: Mapping[str, str]) -> Manifest:
     """Return the manifest with its conditions evaluated under `variables`.
 
-    Raises WorkspaceError with all structural errors or, if there are none, all semantic errors.
-    Raises ForeignManifestError if the document also declares a namespace, as PEAR's files do.
+    Raises WorkspaceError with all structural or else all semantic errors, ForeignManifestError if the
+    document also declares a namespace, as PEAR's files do.
     """
     root = parse_xml(content, path)
     try:
@@ -114,13 +114,12 @@ class _Reader:
         self.warnings: list[Problem] = []
 
     def read(self) -> Manifest:
+        written = self.root.attributes.get("format", "1")
         if self.root.tag != "package":
             self.fault(self.root, f"the root element is '{self.root.tag}', not 'package'")
-            raise WorkspaceError(*self.problems)
-        written = self.root.attributes.get("format", "1")
-        if written not in {"1", "2", "3"}:
+        elif written not in {"1", "2", "3"}:
             self.fault(self.root, f"unknown package format '{written}'", 'write <package format="3">')
-            raise WorkspaceError(*self.problems)
+        raise_if_any(self.problems, WorkspaceError)
         self.format = int(written)
         self.check_structure()
         self.check_texts()
@@ -165,8 +164,9 @@ class _Reader:
                     hint = "use lower-case letters, digits, '_' and '-', and start with a letter"
                     self.fault(child, f"invalid package name '{text}'", hint)
                 case "name" if not _USUAL_NAME.fullmatch(text):
-                    message = f"package name '{text}' does not follow the convention of lower-case names"
-                    self.warn(child, message)
+                    self.warn(
+                        child, f"package name '{text}' does not follow the convention of lower-case names"
+                    )
                 case "description" if not child.inner.strip():
                     self.fault(child, "element 'description' is empty")
                 case "license" if not text:
@@ -174,10 +174,8 @@ class _Reader:
                 case "version":
                     for version in filter(None, (text, child.attributes.get("compatibility"))):
                         if not _VERSION.fullmatch(version):
-                            message = (
-                                f"version '{version}' does not consist of three numbers separated by dots"
-                            )
-                            self.fault(child, message, "for example 1.2.3")
+                            what = "does not consist of three numbers separated by dots"
+                            self.fault(child, f"version '{version}' {what}", "for example 1.2.3")
                     if not text:
                         self.fault(child, "element 'version' is empty", "for example 1.2.3")
                 case "maintainer" | "author":
@@ -226,21 +224,15 @@ class _Reader:
             # Conditions of <conflict> and <replace> are also validated.
             if child.tag not in _CONDITIONAL or not self.active(child) or kinds is None:
                 continue
-            name = child.text.strip()
+            name, given = child.text.strip(), child.attributes
             if not name:
                 self.warn(child, f"element '{child.tag}' is empty")
-                continue
-            if not is_safe_name(name):
-                self.fault(
-                    child, f"invalid dependency name '{name}'", "names cannot contain blanks or quotes"
-                )
-                continue
-            versions = tuple(
-                (word, child.attributes[f"version_{word}"])
-                for word in VERSION_WORDS
-                if f"version_{word}" in child.attributes
-            )
-            yield Dependency(name, kinds, versions)
+            elif not is_safe_name(name):
+                hint = "names cannot contain blanks or quotes"
+                self.fault(child, f"invalid dependency name '{name}'", hint)
+            else:
+                words = [word for word in VERSION_WORDS if f"version_{word}" in given]
+                yield Dependency(name, kinds, tuple((word, given[f"version_{word}"]) for word in words))
 
     def active(self, child: Element) -> bool:
         condition = child.attributes.get("condition")
@@ -269,16 +261,16 @@ class _Reader:
             self.check_repeated("depend", ("build_depend", "build_export_depend", "exec_depend"))
             seen = set()
             for child in self.root.all("depend"):
-                if _identity(child) in seen:
-                    message = f"<depend>{child.text.strip()}</depend> appears twice"
-                    self.fault(child, message, "remove one of the two")
-                seen.add(_identity(child))
+                if (identity := _identity(child)) in seen:
+                    self.fault(
+                        child, f"<depend>{identity[0]}</depend> appears twice", "remove one of the two"
+                    )
+                seen.add(identity)
 
     def check_repeated(self, tag: str, others: tuple[str, ...]) -> None:
         present = {_identity(child): other for other in others for child in self.root.all(other)}
         for child in self.root.all(tag):
-            other = present.get(_identity(child))
-            if other:
+            if other := present.get(_identity(child)):
                 message = f"<{tag}>{child.text.strip()}</{tag}> repeats <{other}>"
                 self.fault(child, message, "remove one of the two")
 
@@ -291,10 +283,8 @@ class _Reader:
 
 def _identity(child: Element) -> tuple[str, tuple[tuple[str, str], ...]]:
     """Return the properties that identify a dependency element: name, version attributes, condition."""
-    attributes = {
-        name: value for name, value in child.attributes.items() if ":" not in name and name != "xmlns"
-    }
-    return child.text.strip(), tuple(sorted(attributes.items()))
+    attributes = (pair for pair in child.attributes.items() if ":" not in pair[0] and pair[0] != "xmlns")
+    return child.text.strip(), tuple(sorted(attributes))
 
 
 _TOKEN = re.compile(r"""\s*(?:(\()|(\))|(==|!=|<=|>=|<|>)|(\$?[\w-]+)|"([^"]*)"|'([^']*)')""", re.ASCII)

@@ -16,8 +16,6 @@ PYTHON_TYPES = frozenset({"ament_python", "python"})
 
 
 class DependencyKind(Enum):
-    """The type of a dependency tag (REP 149)."""
-
     BUILD = "build"
     BUILD_EXPORT = "build_export"
     BUILDTOOL = "buildtool"
@@ -28,9 +26,7 @@ class DependencyKind(Enum):
 
 
 BUILD_KINDS = frozenset({DependencyKind.BUILD, DependencyKind.BUILDTOOL})
-
 RUN_KINDS = frozenset({DependencyKind.BUILD_EXPORT, DependencyKind.BUILDTOOL_EXPORT, DependencyKind.EXEC})
-
 TEST_KINDS = frozenset({DependencyKind.TEST})
 
 
@@ -52,7 +48,7 @@ class Person:
 
 @frozen
 class Export:
-    """A child of the manifest's export element: tag, attributes and inner XML, stripped."""
+    """A child of the manifest's export element; `content` is its inner XML, stripped."""
 
     tag: str
     attributes: tuple[tuple[str, str], ...]

@@ -118,12 +118,11 @@ def with_overrides(package: Package, sources: Iterable[Mapping[str, Any]]) -> Pa
             ):
                 raise WorkspaceError(Problem(f"'{key}' of '{package.name}' is not a list of names", place))
             dependencies += (Dependency(name, kinds) for name in names if name != package.name)
-        # colcon allows a path, or a list of a path and arguments.
         given = options.get("hooks") or []
-        listed = given if isinstance(given, list) else [None]
-        firsts = [hook[0] if isinstance(hook, list) and hook else hook for hook in listed]
-        paths = [path for path in firsts if isinstance(path, str) and is_safe_relative_path(path)]
-        if len(paths) < len(listed):
+        listed: list[Any] = given if isinstance(given, list) else [None]
+        # colcon allows a path, or a list of a path and arguments.
+        paths: list[Any] = [hook[0] if isinstance(hook, list) and hook else hook for hook in listed]
+        if not all(isinstance(path, str) and is_safe_relative_path(path) for path in paths):
             message = f"'hooks' of '{package.name}' is not a list of paths relative to its prefix"
             raise WorkspaceError(Problem(message, place, "for example 'share/NAME/hook.sh'"))
         hooks += paths

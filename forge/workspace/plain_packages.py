@@ -54,7 +54,7 @@ def _ambiguous(folder: Folder) -> Identity | None:
 
 
 def cmake_package(folder: Folder) -> Identity | None:
-    if not folder.may_be("cmake") or not folder.has("CMakeLists.txt"):
+    if not (folder.may_be("cmake") and folder.has("CMakeLists.txt")):
         return None
     text = folder.text("CMakeLists.txt")
     path = folder.display_path / "CMakeLists.txt"

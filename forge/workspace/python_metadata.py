@@ -28,7 +28,7 @@ _KINDS = {
 
 @frozen
 class PythonMetadata:
-    """The metadata of a package; `name` is None if it is not a literal."""
+    """The metadata of a package; `name` is None without a literal."""
 
     name: str | None = None
     version: str = ""
@@ -62,10 +62,9 @@ def read_setup_cfg(text: str) -> PythonMetadata:
     metadata = dict(parser["metadata"]) if parser.has_section("metadata") else {}
     options = dict(parser["options"]) if parser.has_section("options") else {}
     extras = "options.extras_require"
+    extra = dict(parser[extras]) if parser.has_section(extras) else {}
     values: dict[str, Any] = {key: _listed(options.get(key, "")) for key in _KINDS}
-    values["extras_require"] = (
-        {key: _listed(value) for key, value in parser[extras].items()} if parser.has_section(extras) else {}
-    )
+    values["extras_require"] = {key: _listed(value) for key, value in extra.items()}
     for key in ("name", "version", "maintainer", "maintainer_email", "author", "author_email"):
         value = metadata.get(key) or metadata.get(key.replace("_", "-"))
         # 'attr: module.value' would require running the module.
@@ -130,14 +129,14 @@ def _below(table: Mapping[str, Any], key: str) -> Mapping[str, Any]:
 def _facts(values: Mapping[str, Any]) -> PythonMetadata:
     """Convert setuptools' arguments; values of unexpected types are ignored."""
     name, version, extras = values.get("name"), values.get("version", ""), values.get("extras_require", {})
+    lists = [(values.get(key, ()), kinds) for key, kinds in _KINDS.items()]
+    if isinstance(extras, dict):
+        lists += ((extras.get(extra, ()), _KINDS["tests_require"]) for extra in _TEST_EXTRAS)
     dependencies = [
         Dependency(required, kinds, versions)
-        for key, kinds in _KINDS.items()
-        for required, versions in _required(values.get(key, ()))
+        for requirements, kinds in lists
+        for required, versions in _required(requirements)
     ]
-    for extra in _TEST_EXTRAS:
-        needed = _required(extras.get(extra, ()) if isinstance(extras, dict) else ())
-        dependencies += (Dependency(need, _KINDS["tests_require"], versions) for need, versions in needed)
     role = "maintainer" if "maintainer" in values else "author"
     names, emails = values.get(role), values.get(f"{role}_email")
     people: tuple[Person, ...] = ()
@@ -156,8 +155,7 @@ def _facts(values: Mapping[str, Any]) -> PythonMetadata:
 def _required(requirements: object) -> Iterator[tuple[str, tuple[tuple[str, str], ...]]]:
     """Yield name and versions of requirements such as 'name[extra]>=1; marker' (PEP 508)."""
     for line in _lines(requirements):
-        match = _REQUIREMENT.match(line)
-        if match:
+        if match := _REQUIREMENT.match(line):
             rest = line[match.end() :].partition(";")[0].partition(" #")[0]
             yield match[1], tuple(_versions(rest))
 

@@ -138,8 +138,7 @@ def resolve_dependencies(
         if name in untested:
             only_tested = packages[name].only_tested_with
             wanted = tuple(other for other in wanted if other not in only_tested)
-        dependencies = []
-        unmet = []
+        dependencies, unmet = [], []
         for other in wanted:
             if other in workspace:
                 dependencies.append(workspace[other])
@@ -168,9 +167,9 @@ def resolve_dependencies(
 
 
 def break_test_cycles(resolution: DependencyResolution) -> tuple[DependencyResolution, tuple[Problem, ...]]:
-    """Return the resolution without test dependencies that close a cycle, which are postponed, and warnings.
+    """Return the resolution with test dependencies that close a cycle postponed, and warnings.
 
-    Test dependencies are only needed when tests run, after all packages are built. Other cycles are kept.
+    They are only needed when tests run, after all packages are built. Other cycles are kept.
     """
     if order(resolution.needs) is not None:
         return resolution, ()
@@ -218,9 +217,8 @@ def unmet_versions(packages: Mapping[str, Package]) -> Iterator[Problem]:
 
 def is_ros_name(name: str) -> bool:
     """Return whether an unresolved dependency is certainly a ROS package."""
-    if "-" in name:
-        return False
-    return name in _ROS_NAMES or name.startswith(_ROS_BEGINNINGS) or name.endswith(_ROS_ENDINGS)
+    of_ros = name in _ROS_NAMES or name.startswith(_ROS_BEGINNINGS) or name.endswith(_ROS_ENDINGS)
+    return of_ros and "-" not in name
 
 
 def resembles_ros_name(name: str) -> bool:

@@ -126,17 +126,14 @@ def _has_marker(folder: Path) -> bool:
 
 
 def _has_sources(folder: Path) -> bool:
-    """Return whether a folder looks like an unbuilt workspace; packages may contain 'src', too."""
+    # Packages may contain 'src', too.
     return (folder / "src").is_dir() and not (folder / "package.xml").exists()
 
 
 def _may_be_found(folder: Path, home: Path) -> bool:
-    if folder in {home, Path(folder.anchor)}:
-        return False
-    try:
-        return not folder.stat().st_mode & stat.S_ISVTX
-    except OSError:
-        return False
+    with suppress(OSError):
+        return folder not in {home, Path(folder.anchor)} and not folder.stat().st_mode & stat.S_ISVTX
+    return False
 
 
 def _paths_after(option: str) -> int:

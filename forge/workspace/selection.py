@@ -14,10 +14,8 @@ from typing import Any
 
 from forge.base.errors import Problem, SelectionError, raise_if_any
 from forge.base.extensions import OPTIONS, find
-from forge.base.files import text_or_nothing
 from forge.base.frozen import frozen
 from forge.base.graph import closure, closures, reverse
-from forge.base.layout import BUILD_RESULT, TEST_RESULT
 from forge.base.names import did_you_mean
 from forge.base.options import flag, option, options_of
 from forge.workspace.model import Package, Selection
@@ -173,6 +171,7 @@ _REQUIRED = (
 _IGNORABLE = ("skip", "select_regex", "skip_regex", "ignore", "ignore_regex")
 _STRICT = ("skip_by_dep", "skip_up_to")
 """Options whose unknown names are reported only on demand."""
+_BY_RESULTS = ("select_build_failed", "skip_build_finished", "select_test_failures", "skip_test_passed")
 
 
 def name_of(node: str) -> str:
@@ -257,11 +256,9 @@ def _filters(query: Query, ordered: Sequence[str], needs: Graph) -> Iterator[Fil
         yield "dependency of --packages-skip-up-to", nodes - skipped
     if query.start or query.end:
         names_in_order = list(map(name_of, ordered))
-        first, last = 0, len(ordered) - 1
-        if query.start in names_in_order:
-            first = names_in_order.index(query.start)
-        if query.end in names_in_order:
-            last -= names_in_order[::-1].index(query.end)
+        first = names_in_order.index(query.start) if query.start in names_in_order else 0
+        last = len(ordered) - 1
+        last -= names_in_order[::-1].index(query.end) if query.end in names_in_order else 0
         if last < first:
             message = f"--packages-end '{query.end}' comes before --packages-start '{query.start}'"
             raise SelectionError(Problem(message, hint="'forge list -t' prints the order"))
@@ -305,12 +302,12 @@ def _unknown(
 def apply_filters(
     query: Query, root: Path, packages: Mapping[str, Package], needs: Graph
 ) -> tuple[tuple[FilterResult, ...], tuple[Problem, ...]]:
-    """Return the packages that each filter keeps, with the reason for leaving out others, and warnings.
-
-    Raises SelectionError if git cannot determine changes.
-    """
+    """Return what `select` needs as limits, and warnings; raises SelectionError if git finds no changes."""
     warnings: tuple[Problem, ...] = ()
-    limits = list(_by_results(query, root / query.build_base, packages))
+    limits: list[FilterResult] = []
+    if any(getattr(query, field) for field in _BY_RESULTS):
+        plugin = find(OPTIONS, "packages-select-build-failed", "option")
+        limits += plugin.by_results(query, root / query.build_base, packages)
     if query.select_changed or query.above_changed:
         plugin = find(OPTIONS, "packages-select-changed", "option")
         changed, warnings = plugin.changed_packages(root, packages, query.since)
@@ -318,29 +315,3 @@ def apply_filters(
             changed = closure(reverse(needs), changed)
         limits.append((f"not changed since {query.since}", changed))
     return tuple(limits), warnings
-
-
-def _by_results(query: Query, build: Path, names: Iterable[str]) -> Iterator[FilterResult]:
-    if query.select_build_failed:
-        yield "did not fail to build", _ended(build, BUILD_RESULT, names, failed=True)
-    if query.skip_build_finished:
-        finished = _ended(build, BUILD_RESULT, names, failed=False)
-        yield "already built successfully", frozenset(names) - finished
-    if query.select_test_failures:
-        stopped = frozenset({"SIGINT"}) if query.select_stopped_tests else frozenset[str]()
-        failed = _ended(build, TEST_RESULT, names, failed=True, counted=stopped)
-        yield "had no test failures", failed
-    if query.skip_test_passed:
-        yield "passed its tests before", frozenset(names) - _ended(build, TEST_RESULT, names, failed=False)
-
-
-def _ended(
-    build: Path, file: str, names: Iterable[str], *, failed: bool, counted: frozenset[str] = frozenset()
-) -> frozenset[str]:
-    """Return the packages whose last run failed, or succeeded.
-
-    Interrupted runs are neither, unless their result is `counted`.
-    """
-    neither = {"", "SIGINT"} - counted
-    words = {name: text_or_nothing(build / name / file).strip() for name in names}
-    return frozenset(name for name, word in words.items() if word not in neither and (word != "0") == failed)

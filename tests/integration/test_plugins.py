@@ -122,6 +122,10 @@ def test_forge_builds_without_the_plugin(
         ("cache stats", "command 'cache'", "package_cache", ""),
         ("build --cache", "option 'cache'", "package_cache", ""),
         ("list --mixin debug", "option 'mixin'", "mixins", ""),
+        (
+            "list --packages-select-build-failed",
+            *("option 'packages-select-build-failed'", "last_results", ""),
+        ),
         ("list --packages-select-changed", "option 'packages-select-changed'", "git_changes", ""),
         ("pkg create a", "verb 'create'", "create", ""),
         ("build --watch", "option 'watch'", "watch", ""),

@@ -29,9 +29,8 @@ from forge.build.recipes.cmake import common_arguments
 from forge.engine.commands import Folders
 from forge.engine.observer import run_observed
 from forge.toolchain.cmake_variables import unused_variables
-from forge.toolchain.languages import any_enables_cxx
 from forge.toolchain.programs import calls_make
-from forge.workspace.cmake_text import calls
+from forge.workspace.cmake_text import any_enables_cxx, calls
 
 if TYPE_CHECKING:
     from forge.build.state import BuildState

@@ -17,8 +17,8 @@ from forge.base.templating import render
 from forge.environment.prefixes import find_underlays
 from forge.plugins.cross.targets import TRIPLES, Target, parse_target, similar_target
 from forge.plugins.cross.zig import Zig, find_zig
-from forge.toolchain.languages import any_enables_cxx
 from forge.toolchain.targets import CrossBuild, CrossOptions
+from forge.workspace.cmake_text import any_enables_cxx
 from forge.workspace.model import Package
 
 _FILE = "toolchain.cmake"

@@ -15,7 +15,6 @@ from forge.environment.install_state import recorded_python
 from forge.environment.shells import SHELLS
 from forge.plugins.doctor.model import CheckContext, CheckResult, graded
 from forge.toolchain.interpreter import ask_python, find_interpreter
-from forge.toolchain.languages import compiled_packages
 from forge.toolchain.programs import (
     COMPILERS,
     find_cmake,
@@ -26,7 +25,7 @@ from forge.toolchain.programs import (
     no_compiler,
 )
 from forge.toolchain.python_modules import missing_modules_problem
-from forge.workspace.cmake_text import calls
+from forge.workspace.cmake_text import calls, compiled_packages
 from forge.workspace.model import CMAKE_TYPES, Package
 from forge.workspace.resolve import INTERFACE_GROUP
 

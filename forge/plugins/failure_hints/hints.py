@@ -21,7 +21,7 @@ from forge.build.tasks import KILLED_ALONE, REPEATED_ALONE
 from forge.environment.prefixes import SYSTEM
 from forge.output.hints import Failure
 from forge.plugins.failure_hints.missing import submodule_remedy, unchecked_submodules
-from forge.toolchain.config_search import ConfigSearch
+from forge.toolchain.programs import ConfigSearch
 from forge.toolchain.python_modules import install_command
 from forge.workspace import resolve
 from forge.workspace.cmake_text import calls, cmake_dependencies, package_references, project_name

@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 from forge.engine.variables import relevant_environment
-from forge.toolchain.config_search import ConfigSearch
-from forge.toolchain.programs import ProgramLookup, cmake_root
+from forge.toolchain.programs import ConfigSearch, ProgramLookup, cmake_root
 from tests.conftest import Tree
 
 PROGRAM = "#!/bin/true\n"

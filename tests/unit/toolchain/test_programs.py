@@ -8,8 +8,8 @@ import pytest
 
 from forge.base.errors import HostError
 from forge.base.own_environment import extra_command
-from forge.toolchain.languages import any_enables_cxx, enables_cxx
 from forge.toolchain.programs import find_tools, ninja_first
+from forge.workspace.cmake_text import any_enables_cxx, enables_cxx
 from forge.workspace.model import Package
 from tests.conftest import Tree
 from tests.packages import package

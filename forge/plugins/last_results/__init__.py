@@ -1,0 +1,1 @@
+"""Selects packages by the results of the last build and test run."""
