@@ -53,11 +53,7 @@ Hook = DsvChange | Script
 
 @frozen
 class Edit:
-    """A change of a variable that does not depend on files.
-
-    `operation` is prepend, append, set or default. If `below`, the value is a path relative to the package's
-    prefix, or empty for the prefix itself.
-    """
+    """A prepend, append, set or default; if `below`, the value is a path below the package's prefix."""
 
     operation: str
     variable: str
@@ -129,10 +125,7 @@ def _read_file(path: str, read: Read, opened: frozenset[str]) -> Iterator[Hook]:
 
 
 def resolve_hooks(hooks: Iterable[Hook], exists: Callable[[str], bool]) -> tuple[Edit | Script, ...]:
-    """Resolve hooks that depend on files: conditional prepends and values that may be paths.
-
-    `exists` is called with paths relative to the package's prefix, or absolute ones.
-    """
+    """Resolve conditional hooks and paths; `exists` gets paths below the prefix, or absolute ones."""
     resolved: list[Edit | Script] = []
     for hook in hooks:
         if isinstance(hook, Script):

@@ -70,10 +70,7 @@ def _line(variable: str, value: str) -> str:
 
 
 def config_folders(files: Iterable[str]) -> Pairs:
-    """Return the names and folders of the config files among a package's installed files.
-
-    The folder is '' if CMake may not look there for this name.
-    """
+    """Return names and folders of a package's config files; '' if CMake may not look in the folder."""
     configs = []
     for path in files:
         if config := _CONFIG.fullmatch(path):

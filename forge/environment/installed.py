@@ -19,10 +19,7 @@ _AMENT = "ament_"
 
 
 def known_prefixes(variables: Mapping[str, str], install: Path | None) -> tuple[Path, ...]:
-    """Return the sourced prefixes, then those of the enclosing workspace and of its underlays.
-
-    `install` is the install folder of that workspace; None outside of workspaces.
-    """
+    """Return the sourced prefixes, then those of the workspace of `install`, if any, and of its underlays."""
     workspace_prefixes = (*package_prefixes(install), *underlay_prefixes(install)) if install else ()
     return tuple(dict.fromkeys([*ament_index.prefixes(variables), *workspace_prefixes]))
 
@@ -34,10 +31,7 @@ def underlay_prefixes(install: Path) -> Iterator[Path]:
 
 
 def known_packages(variables: Mapping[str, str], install: Path | None) -> dict[str, Path]:
-    """Return every installed package with its prefix, by name; the first prefix wins.
-
-    Raises HostError if nothing is sourced and there is no enclosing workspace.
-    """
+    """Return the first prefix of each installed package by name; raises HostError without prefixes."""
     _require_prefixes(variables, install)
     return dict(sorted(ament_index.resources("packages", known_prefixes(variables, install)).items()))
 
@@ -82,11 +76,7 @@ def is_registered(name: str, variables: Mapping[str, str], install: Path | None)
 
 
 def plain_prefix(name: str, install: Path | None, built: Mapping[str, str]) -> Path | None:
-    """Return the prefix of a package that a workspace has built without ament, or None.
-
-    `built` maps the packages in the workspace to their build types. A missing index entry of an ament package
-    is an error.
-    """
+    """Return the prefix of a package built without ament, or None; `built` has the build types by name."""
     without_ament = not built.get(name, _AMENT).startswith(_AMENT)
     return unregistered_prefix(name, install) if without_ament else None
 

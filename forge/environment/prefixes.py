@@ -103,11 +103,7 @@ def spellings(root: Path, variables: Mapping[str, str]) -> frozenset[str]:
 
 
 def provider(name: str, underlays: Underlays, system: Sequence[Path] = SYSTEM) -> Path | None:
-    """Return the prefix that provides package `name`, or None.
-
-    System prefixes count only with a CMake config or a manifest: they are not sourced, so that their ament
-    index is not searched.
-    """
+    """Return the prefix of a package; system prefixes, which are not sourced, need a config or manifest."""
     for prefix in underlays.prefixes:
         if (prefix / INDEX / "packages" / name).is_file() or _provides(name, prefix):
             return prefix
@@ -121,10 +117,7 @@ def system_prefixes(variables: Mapping[str, str]) -> tuple[Path, ...]:
 
 
 def installed_packages(root: Path) -> tuple[InstalledPackage, ...]:
-    """Return the packages of an install tree or prefix, by name.
-
-    Reads colcon's index, else ament's, as in distributions.
-    """
+    """Return the packages in colcon's index of an install tree, else in ament's, as in distributions."""
     candidates = _candidates(root)
     if not candidates:
         index = root / INDEX

@@ -86,10 +86,7 @@ def render_dsv(lines: Sequence[str]) -> str:
 
 
 def hook_runner() -> str:
-    """Return a sh script that sources the hook `$1` and prints the environment before and after it.
-
-    Variables are terminated by NUL; an additional NUL separates the two lists.
-    """
+    """Return a sh script that sources the hook `$1` and prints the environment before NUL and after it."""
     return render("scripts/sh/run_hook.j2", function="_colcon_prepend_unique_value")
 
 
@@ -180,10 +177,7 @@ def _group_statement(shell: Shell, group: Group) -> Statement | None:
 def _statement(
     shell: Shell, package: PackageEdits, edit: Edit | Script, prefix: str, *, in_workspace: bool
 ) -> Statement | None:
-    """Return the statement of one edit, None for a hook for other shells.
-
-    In the script of a workspace it applies only while the package is installed.
-    """
+    """Return the statement of one edit, None for other shells; `in_workspace` depends on the package."""
     if isinstance(edit, Script):
         path = edit.path(shell.name)
         if path is None:

@@ -46,10 +46,7 @@ def workspace_environment(chain: Sequence[Path], variables: Mapping[str, str]) -
 
 
 def sourced_environment(install: Path, variables: Mapping[str, str]) -> dict[str, str]:
-    """Return `variables` after sourcing `setup` of an install folder; missing underlays are ignored.
-
-    Raises WorkspaceError if nothing is installed, and like `build_environment`.
-    """
+    """Return `variables` after sourcing `setup` of a folder; raises WorkspaceError if it is empty."""
     below = recorded_underlays(install)
     if not (below or has_packages(install)):
         hint = "run 'forge build' with the same '--profile', or choose another folder with '--install-base'"

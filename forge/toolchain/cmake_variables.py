@@ -49,10 +49,7 @@ def unused_variables(output: bytes) -> frozenset[str]:
 
 
 def builds_tests(package: Package, cmake_args: Sequence[str], ament_cmake_args: Sequence[str]) -> bool | None:
-    """Return whether CMake's arguments enable or disable the tests of a package, None if they do neither.
-
-    Packages that are not built by CMake follow the arguments for all packages.
-    """
+    """Return whether CMake's arguments, global and its own, turn a package's tests on; None if neither."""
     words = [*cmake_args]
     if package.build_type in CMAKE_TYPES:
         words += package.option_values("cmake-args")

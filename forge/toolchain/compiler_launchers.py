@@ -38,10 +38,7 @@ def selected_launcher(word: str | None) -> str:
 
 
 def launcher_variables(program: Path | None) -> Pairs:
-    """Return CMake's variables for each language; the value is empty for languages without launcher.
-
-    The launcher's absolute path is used, independent of later changes of PATH.
-    """
+    """Return CMake's variables with the absolute path of the launcher, '' for languages without one."""
     word = str(program or "")
     cuda = word if program and program.name in _CUDA_LAUNCHERS else ""
     values = {"C": word, "CXX": word, "CUDA": cuda}

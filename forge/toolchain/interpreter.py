@@ -149,10 +149,7 @@ def find_interpreter(
 
 
 def ask_python(path: Path, program: str, *arguments: str, isolated: bool = False) -> str:
-    """Run Python code in another interpreter and return its output; raises HostError.
-
-    `isolated` code starts faster, with the standard library only.
-    """
+    """Return the output of Python code; `isolated` code starts faster, without packages. Raises HostError."""
     import subprocess
 
     argv = [path, *(("-I", "-S") if isolated else ()), "-c", program, *arguments]
@@ -301,10 +298,7 @@ def python_versions(root: Path) -> frozenset[tuple[int, int]]:
 
 
 def lacks_modules(root: Path, variables: Mapping[str, str]) -> bool:
-    """Return whether a prefix has Python modules, but none of its folders is on PYTHONPATH.
-
-    This is the case if only AMENT_PREFIX_PATH or CMAKE_PREFIX_PATH contain a distribution, as with `sudo -E`.
-    """
+    """Return whether a prefix has Python modules that PYTHONPATH lacks, as after `sudo -E`."""
     python_path = {
         os.path.realpath(entry) for entry in variables.get("PYTHONPATH", "").split(os.pathsep) if entry
     }

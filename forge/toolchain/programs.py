@@ -1,7 +1,4 @@
-"""Finds the programs of a build: CMake, Ninja, make, compilers, and the programs that these start.
-
-The identity of a program is its path, size and time: packages are rebuilt when one of them changes.
-"""
+"""Finds the programs of a build; packages are rebuilt if the path, size or time of one changes."""
 
 from __future__ import annotations
 
@@ -33,10 +30,7 @@ _NAMES_BUILDER = re.compile(r"CMAKE_MAKE_PROGRAM|TOOLCHAIN|--toolchain|--preset|
 
 @frozen
 class Tools:
-    """The programs found; `ninja` and `make` are None if they are not installed.
-
-    `only_make` are packages that call $(MAKE), so that other generators cannot build them.
-    """
+    """The programs found; `only_make` are packages that call $(MAKE), which other generators cannot build."""
 
     cmake: Path
     ninja: Path | None = None
@@ -122,10 +116,7 @@ def no_compiler(packages: Sequence[Package]) -> Problem:
 
 
 def ninja_first(ninja: Path | None, folder: Path, variables: Mapping[str, str]) -> dict[str, str]:
-    """Return PATH with a folder in front that contains only `ninja`; empty if it is already first.
-
-    Packages that run CMake themselves, as for an external project, then use the same Ninja.
-    """
+    """Return a PATH on which packages that run CMake themselves find the same Ninja; empty if it is first."""
     path = variables.get("PATH", os.defpath)
     if ninja is None or _which("ninja", path) == str(ninja):
         return {}

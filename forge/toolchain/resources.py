@@ -1,7 +1,4 @@
-"""The resources available to this process: processors, memory and load, within cgroups and affinity.
-
-Functions take the root folder as a parameter, so that tests can simulate other machines.
-"""
+"""The processors, memory and load within cgroups and affinity; tests simulate others below `root`."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""Reads CMake files as text: calls, and the names in their arguments.
-
-The tokenizer follows CMake's grammar for comments, strings and bracket arguments. Variables, loops and
-conditions are not evaluated: CMake may run each of the calls, or none.
-"""
+"""Reads CMake files by CMake's grammar; nothing is evaluated: CMake may run each of the calls, or none."""
 
 from __future__ import annotations
 
@@ -46,10 +42,7 @@ _WITHOUT_CXX = frozenset({"ASM", "C", "Fortran", "NONE", "OPTIONAL"})
 
 @frozen
 class Call:
-    """A call of a command: its lower-case name, arguments, line, and the blocks around it.
-
-    `conditions` are the arguments of the if(), loop, function or macro of each block.
-    """
+    """A call of a command in lower case; `conditions` are the arguments of the blocks around it."""
 
     command: str
     words: tuple[str, ...]
@@ -59,10 +52,7 @@ class Call:
 
 @frozen
 class PackageReference:
-    """A package that a CMakeLists.txt names, and the line.
-
-    `required` is True if it is required at the top level of the file, `testing` if only tests use it.
-    """
+    """A package in a CMakeLists.txt; `required` at its top level, or `testing` if only tests use it."""
 
     name: str
     line: int

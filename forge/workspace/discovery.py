@@ -113,10 +113,7 @@ def discover_embedded(rosdistro: str = OLDEST) -> Mapping[str, Package]:
 
 
 def special_files(root: Path, folder: Path) -> Iterator[Problem]:
-    """Yield the named pipes and devices of a package with names of sources; `folder` is below `root`.
-
-    Build tools would open these, and wait for a writer or read endlessly.
-    """
+    """Yield the named pipes and devices among a package's sources, which build tools would read endlessly."""
     top = os.path.join(root, folder)
     waiting = [top]
     while waiting:
@@ -162,10 +159,7 @@ def projects(packages: Iterable[Package]) -> dict[str, list[Package]]:
 
 
 def _with_all_dependencies(packages: Sequence[Package]) -> list[Package]:
-    """Return the packages with group dependencies expanded (REP 149).
-
-    Names of Python projects are spelled as in the workspace; names between two ROS packages are literal.
-    """
+    """Return the packages with groups expanded (REP 149) and Python projects spelled as in the workspace."""
     python_projects, names = projects(packages), {package.name for package in packages}
     members: dict[str, list[str]] = {}
     for package in packages:

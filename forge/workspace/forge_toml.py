@@ -52,10 +52,7 @@ def table_of(content: Mapping[str, Any], key: str, path: Path) -> dict[str, Any]
 
 
 def profile_of(content: Mapping[str, Any], name: str, path: Path) -> dict[str, Any]:
-    """Return the options of a profile by command.
-
-    Raises SelectionError for an unknown profile, WorkspaceError if it has options that belong to no command.
-    """
+    """Return the options of a profile by command; raises SelectionError for an unknown one."""
     profiles = {**PROFILES, **table_of(content, "profiles", path)}
     if not is_safe_name(name):
         hint = "use letters, digits, '.', '_', '+' and '-', since folders are named after profiles"

@@ -44,10 +44,7 @@ def identify(
     variables: Mapping[str, str],
     overrides: Overrides = NO_OVERRIDES,
 ) -> Identity:
-    """Return the identity of the folder `path` below `root` with the names `entries`.
-
-    Conditions of a package.xml use `variables`. Problems are returned, never raised.
-    """
+    """Return the identity of the folder `path` below `root`; problems are returned, never raised."""
     if IGNORE_MARK in entries or not set(FOREIGN_INSTALLS).isdisjoint(entries):
         return IGNORED
     folder = Folder(path, root / path, entries)
@@ -81,10 +78,7 @@ def identify(
 
 
 def read_package(folder: Path, displayed: Path, variables: Mapping[str, str]) -> Package:
-    """Return the package whose package.xml is in `folder`, with paths that begin with `displayed`.
-
-    Raises WorkspaceError for an invalid package.xml, OSError for an unreadable one.
-    """
+    """Return the package in `folder` with paths below `displayed`; raises WorkspaceError or OSError."""
     manifest = parse_manifest(read_file(folder / "package.xml"), displayed / "package.xml", variables)
     has_actions, has_services = (
         (folder / kind).is_dir()

@@ -20,10 +20,7 @@ from forge.workspace.model import Package
 
 @frozen
 class Identity:
-    """The result for a folder: a package or not, whether to search below, and warnings.
-
-    If it has `problems`, `name` is the package's name, '' if it is unreadable.
-    """
+    """The result for a folder; with `problems`, `name` is the package's name, '' if it is unreadable."""
 
     package: Package | None = None
     descend: bool = False
@@ -63,10 +60,7 @@ class Folder:
 
 
 def plugin(name: str) -> Any:
-    """Return the build type `name` of a plugin, None if there is none.
-
-    Raises ForgeError if it cannot be loaded.
-    """
+    """Return the build type of a plugin, None if there is none; raises ForgeError if it cannot be loaded."""
     if absent(BUILD_TYPES, name, "build type"):
         return None
     return find(BUILD_TYPES, name, "build type", ("identify", "options", "recipe", "tests"))

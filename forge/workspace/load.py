@@ -36,10 +36,7 @@ _NAMING = (
 
 @frozen
 class LoadedWorkspace:
-    """A workspace, its packages and their dependencies, and the selection among them.
-
-    In listings, `resolution` also has a node for each duplicate (see forge.workspace.selection).
-    """
+    """Packages, dependencies and selection; listings have a node for each duplicate (see `selection`)."""
 
     workspace: Workspace
     resolution: resolve.DependencyResolution
@@ -122,10 +119,7 @@ def load_workspace(
 
 
 def _with_literal_names(query: Query, workspace: Workspace, every: Collection[str]) -> Query:
-    """Return the query with names of Python projects spelled as in the workspace (PEP 503).
-
-    '.' becomes the name of the package around the user's folder.
-    """
+    """Return the query with Python projects spelled as in the workspace (PEP 503), and '.' by its name."""
     plain = projects(package for package in workspace.packages.values() if not package.ros)
     here = Path(query.origin)
     names = {package.path: package.name for package in workspace.all_packages}

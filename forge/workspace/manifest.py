@@ -1,7 +1,4 @@
-"""Parses package.xml formats 1, 2 and 3 (REP 127, 140, 149) into a Manifest.
-
-All structural errors are reported together; semantic checks run only on a valid structure.
-"""
+"""Parses package.xml formats 1, 2 and 3 (REP 127, 140, 149) into a Manifest, with all errors at once."""
 
 from __future__ import annotations
 

@@ -102,10 +102,7 @@ def merge(target: dict[str, Any], values: Mapping[str, Any]) -> None:
 
 
 def with_overrides(package: Package, sources: Iterable[Mapping[str, Any]]) -> Package:
-    """Return the package with the dependencies, hooks and settings of the sources, in order.
-
-    Raises WorkspaceError for invalid names of dependencies and for hooks outside of the prefix.
-    """
+    """Return the package with dependencies, hooks and settings; raises WorkspaceError for invalid ones."""
     dependencies: list[Dependency] = []
     settings: dict[str, Any] = {}
     hooks: list[str] = []

@@ -16,10 +16,7 @@ from forge.workspace.python_metadata import read_setup_cfg
 
 
 def identify_plain(folder: Folder) -> Identity | None:
-    """Return the identity according to CMakeLists.txt, or to files of forge's plugins, or None.
-
-    Raises WorkspaceError for a malformed pyproject.toml, OSError for unreadable files.
-    """
+    """Return the identity by CMakeLists.txt or files of plugins; raises WorkspaceError or OSError."""
     if identity := _ambiguous(folder) or cmake_package(folder):
         return identity
     notes = []

@@ -74,10 +74,7 @@ def read_setup_cfg(text: str) -> PythonMetadata:
 
 
 def read_setup_py(text: str) -> PythonMetadata | None:
-    """Return the arguments of the setup() call, None if the file does not call it.
-
-    Raises SyntaxError like Python.
-    """
+    """Return the arguments of setup(), None without a call; raises SyntaxError like Python."""
     tree = ast.parse(text)
     for call in ast.walk(tree):
         match call:

@@ -187,10 +187,7 @@ def break_test_cycles(resolution: DependencyResolution) -> tuple[DependencyResol
 
 
 def unmet_versions(packages: Mapping[str, Package]) -> Iterator[Problem]:
-    """Yield a problem for each version requirement that a package of the workspace does not meet.
-
-    Only numeric versions are compared; others, such as '1.0rc1', are ignored. Trailing zeros do not count.
-    """
+    """Yield unmet version requirements in the workspace; only numeric ones, without trailing zeros, count."""
 
     def numbers(version: str) -> list[int]:
         parts = [int(part) for part in version.split(".")]

@@ -58,10 +58,7 @@ def find_install(start: Path, home: Path, profile: str | None = None) -> Path | 
 
 
 def source_packages(install: Path | None) -> Mapping[str, str]:
-    """Return the build types of the packages in the workspace of an install folder, by name.
-
-    Unreadable packages are left out.
-    """
+    """Return the build types by name of the readable packages in the workspace of an install folder."""
     if install is None:
         return {}
     from forge.workspace.load import find_packages

@@ -46,10 +46,7 @@ _SUSPECT_ENDINGS = ("~", ".orig", ".rej", ".pyc", ".pyo", ".egg-info")
 
 
 def is_source(name: str, beside: Callable[[str], bool]) -> bool:
-    """Return whether a file counts as a source; `beside` returns whether a name exists in the same folder.
-
-    If in doubt, a file counts, because packages may install it.
-    """
+    """Return whether a file may be a source; `beside` returns whether a name is in the same folder."""
     if not (name.startswith(_SUSPECT_BEGINNINGS) or name.endswith(_SUSPECT_ENDINGS)):
         return True
     return not (name in _LITTER or _STILL_OPEN.fullmatch(name) or _belongs_to_another(name, beside))

@@ -167,7 +167,7 @@ def metas(data: bytes) -> None:
     root = place("metas", "colcon.meta", data)
     place("metas", "p/package.xml", PLAIN)
     with contextlib.suppress(ForgeError):
-        workspace(root, read_overrides(root, ("colcon.meta",), None))
+        workspace(root, overrides=read_overrides(root, ("colcon.meta",), None))
 
 
 @harness
@@ -186,9 +186,9 @@ def mixin(data: bytes) -> None:
                 combined([name], verb, mixins)
 
 
-def workspace(root: Path, overrides: Any = None) -> None:
+def workspace(root: Path, **overrides: Any) -> None:
     """Discover the packages of a folder, and read the settings of each; discovery raises no errors."""
-    found = discover(root, ["."], {}, overrides=overrides)
+    found = discover(root, ["."], {}, **overrides)
     for package in found.packages.values():
         package.option_values("cmake-args")
         json.dumps(package.settings, default=str)
