@@ -4,9 +4,28 @@ import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
+import pytest
+
+from forge.base.extensions import OPTIONS, OWN, is_installed
 from forge.cli.main import main
+from forge.testing.collecting import collect
+from forge.testing.outcomes import Counts, counted_once
 from tests.conftest import Ran, surroundings
 from tests.packages import manifest_text, write_files
+
+
+def needs_plugin(name: str) -> pytest.MarkDecorator:
+    """Return the marker of a test that another plugin of the group `forge.options` takes part in."""
+    plugin = OWN[OPTIONS][name].split(".")[2]
+    return pytest.mark.skipif(
+        not is_installed(OPTIONS, name), reason=f"the plugin '{plugin}' is not installed"
+    )
+
+
+def counted_results(base: Path) -> str:
+    """Return the numbers of tests in the result files below a folder, as `forge test-result` prints them."""
+    return str(sum((each.counts for each in counted_once(collect(base).outcomes)), Counts()))
+
 
 CMAKE = """cmake_minimum_required(VERSION 3.18)
 project({name} NONE)

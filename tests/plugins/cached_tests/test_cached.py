@@ -14,7 +14,7 @@ import pytest
 
 from tests.conftest import Forge, Ran, Tree
 from tests.packages import manifest_text, write_files
-from tests.testable import cmake_package, python_package
+from tests.testable import cmake_package, counted_results, python_package
 
 pytestmark = pytest.mark.needs("cmake", "ctest", "ninja", "gcc")
 
@@ -59,10 +59,9 @@ def python(name: str, test: str = CODE) -> dict[str, str]:
 
 
 def run(forge: Forge, root: Path, *words: str, env: dict[str, str | None] | None = None) -> Ran:
-    """Run the tests; results must be those that `forge test-result` finds."""
+    """Run the tests; results must be those of the result files."""
     ran = forge("test", "--cached", *words, cwd=root, env={**PLAIN, **(env or {})})
-    counts = forge("test-result", cwd=root).out.rpartition("Summary: ")[2].strip()
-    assert f"  {counts}\n" in ran.out
+    assert f"  {counted_results(root / 'build')}\n" in ran.out
     return ran
 
 
@@ -402,15 +401,15 @@ def test_ament_cmake_packages_are_cached_with_another_result_folder(
 
     def tested(*words: str) -> tuple[str, str]:
         ran = forge("test", "--cached", *base, *words, cwd=root, env=PLAIN)
-        found = forge("test-result", *base, cwd=root).out.rpartition("Summary: ")[2]
-        assert words or f"  {found.strip()}\n" in ran.out
+        found = counted_results(root / "results")
+        assert words or f"  {found}\n" in ran.out
         return why(ran), found
 
     assert tested()[0] == "tests ran: no run is recorded"
-    assert tested() == ("cached", "3 tests, 0 errors, 0 failures, 0 skipped\n")
+    assert tested() == ("cached", "3 tests, 0 errors, 0 failures, 0 skipped")
     (junit,) = (root / "results").rglob("unit.xml")
     assert len(ET.parse(junit).findall(".//property[@name='cached']")) == 1
-    assert tested() == ("cached", "3 tests, 0 errors, 0 failures, 0 skipped\n")
+    assert tested() == ("cached", "3 tests, 0 errors, 0 failures, 0 skipped")
     for name in ("a", "b"):
         (folder / name).write_text("same")
     assert tested()[0].endswith(("a' has changed", "b' has changed"))

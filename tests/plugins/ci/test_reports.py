@@ -11,6 +11,7 @@ from forge.plugins.ci.findings import Finding, diagnostics
 from forge.plugins.ci.github import cell, command, fence
 from tests.conftest import Forge, Tree
 from tests.packages import manifest_text
+from tests.testable import needs_plugin
 
 COMMAND = re.compile(r"^::(?P<name>[\w-]+)(?: (?P<properties>[^:]*))?::(?P<data>.*)$")
 SECTION = re.compile(
@@ -125,6 +126,7 @@ def test_the_summary_accepts_any_text() -> None:
     assert (fence("a"), fence("a ```` b")) == ("```", "`````")
 
 
+@needs_plugin("first-error")
 @pytest.mark.needs("cmake", "ninja")
 def test_errors_and_warnings_become_annotations(forge: Forge, repository: Path, tree: Tree) -> None:
     code = "int main() { int unused; return 0; }\n#warning ::error::not a command\n"
@@ -164,6 +166,7 @@ HEADER = {
 @pytest.mark.parametrize(
     "compiler", [pytest.param(name, marks=pytest.mark.needs(name)) for name in ("g++", "clang++")]
 )
+@needs_plugin("first-error")
 def test_an_error_in_a_system_header_is_attributed_to_the_including_line(
     forge: Forge, repository: Path, tree: Tree, compiler: str
 ) -> None:
@@ -174,6 +177,7 @@ def test_an_error_in_a_system_header_is_attributed_to_the_including_line(
     assert error[2].startswith("/usr/")
 
 
+@needs_plugin("first-error")
 def test_very_long_lines_are_shortened_and_empty_logs_omitted(
     forge: Forge, repository: Path, tree: Tree
 ) -> None:
@@ -197,6 +201,7 @@ def test_very_long_lines_are_shortened_and_empty_logs_omitted(
 INJECTION = "::stop-commands::evil\\n  ::error::evil\\n##[error]evil\\nx\\r::add-mask::evil\\n"
 
 
+@needs_plugin("first-error")
 @pytest.mark.parametrize("handlers", [(), ("--event-handlers", "console_direct+"), ("--json",)])
 def test_output_of_packages_contains_no_commands(
     forge: Forge, repository: Path, tree: Tree, handlers: tuple[str, ...]
@@ -221,6 +226,7 @@ def test_output_of_packages_contains_no_commands(
     assert [title.partition(":")[0] for title in titles] == ["q", "p"]
 
 
+@needs_plugin("failed-tests")
 def test_a_failed_test_annotates_its_line(forge: Forge, repository: Path, tree: Tree) -> None:
     test = "def test_fails():\n    print('::error::no command')\n    assert 1 == 2\n"
     root, env = add(repository, tree, {**NAV, "src/nav/test/test_nav.py": test}), github(repository)
@@ -239,6 +245,7 @@ def test_a_failed_test_annotates_its_line(forge: Forge, repository: Path, tree: 
     assert "| tests | failed tests | skipped tests |" in summary
 
 
+@needs_plugin("first-error")
 @pytest.mark.needs("cmake", "ninja")
 def test_gitlab_gets_sections_and_a_code_quality_report(forge: Forge, repository: Path, tree: Tree) -> None:
     code = "#warning old\nint f() { return missing; }\n"
@@ -264,6 +271,7 @@ def test_gitlab_gets_sections_and_a_code_quality_report(forge: Forge, repository
     assert [row["fingerprint"] for row in moved] == [row["fingerprint"] for row in rows]
 
 
+@needs_plugin("first-error")
 @pytest.mark.needs("cmake", "ninja")
 def test_a_long_code_quality_report_is_limited(forge: Forge, repository: Path, tree: Tree) -> None:
     script = "for i in range(6000): print(f'run.py:{i + 1}: warning: old')\nexit('run.py:3: error: no')\n"

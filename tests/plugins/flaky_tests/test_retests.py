@@ -6,7 +6,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from tests.conftest import Forge, Tree
-from tests.testable import cmake_package, python_package
+from tests.testable import cmake_package, counted_results, python_package
 
 pytestmark = pytest.mark.needs("cmake")
 
@@ -60,10 +60,7 @@ def test_flaky_tests_are_reported_and_all_attempts_kept(forge: Forge, built: Tre
     assert "  p: Suite.flaky (passed at attempt 2)\n      unlucky\n" in table
     assert "  p: flaky (passed at attempt 2)\n      not yet\n" in table
     assert "  y: tests.test_y.test_flaky (passed at attempt 3)\n      AssertionError: assert 0 == 2" in table
-    assert "2 failed tests:\n  p: bad\n" in ran.out
-    assert "  y: tests.test_y.test_bad\n" in ran.out
-    ran = forge("test-result", cwd=root)
-    assert "Summary: 8 tests, 0 errors, 2 failures, 0 skipped" in ran.out
+    assert counted_results(root / "build") == "8 tests, 0 errors, 2 failures, 0 skipped"
     # Files of JUnit contain the failures of earlier attempts.
     found = {}
     for file in ("y/pytest.xml", "p/test_results/p/junit.gtest.xml"):
@@ -85,7 +82,6 @@ def test_flaky_tests_are_reported_and_all_attempts_kept(forge: Forge, built: Tre
     flaky = {each["test"]: each for each in events if each["event"] == "FlakyTest"}
     assert flaky.keys() == {"flaky", "Suite.flaky"}
     assert (flaky["flaky"]["passed_at"], flaky["flaky"]["message"]) == (2, ["not yet"])
-    assert [each["test"] for each in events if each["event"] == "TestFailure"] == ["bad"]
 
 
 def test_tests_that_pass_at_the_first_attempt_are_not_flaky(forge: Forge, built: Tree) -> None:

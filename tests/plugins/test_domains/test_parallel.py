@@ -9,7 +9,7 @@ import pytest
 from forge.build.tasks import Step, StepKind
 from forge.plugins.test_domains.domains import discovery, isolated
 from tests.conftest import Forge, Tree
-from tests.testable import PYTEST, UNITTEST, cmake_package, python_package
+from tests.testable import PYTEST, UNITTEST, cmake_package, counted_results, python_package
 
 pytestmark = pytest.mark.needs("cmake")
 
@@ -50,7 +50,7 @@ def test_tests_of_a_package_run_together_within_the_job_limit(forge: Forge, buil
     assert found["3"][0] == "77"
     assert all(1 <= int(found[name][0]) <= 100 for name in found)
     assert (root / "build/p/Testing/TAG").is_file()
-    assert "4 tests, 0 errors" in forge("test-result", cwd=root).out
+    assert "4 tests, 0 errors" in counted_results(root / "build")
 
 
 def test_sequential_tests_share_the_domain_of_their_package(forge: Forge, built: Tree) -> None:
