@@ -122,12 +122,8 @@ def read_ctest(root: Element, path: str, home: str) -> Outcome:
         raise BrokenResultError("a 'Test' has no 'Status'")
     verdicts, failed, skipped = [], [], []
     for test in tests:
-        name, status, completion = (
-            _text_of(test, "Name"),
-            test.attributes["Status"],
-            _measured(test, "Completion Status"),
-        )
-        output = _ctest_output(test)
+        name, status, output = _text_of(test, "Name"), test.attributes["Status"], _ctest_output(test)
+        completion = _measured(test, "Completion Status")
         last = "".join(output.rstrip().splitlines()[-1:])
         not_run = last if completion in last else ", ".join(filter(None, (completion, last)))
         # CTest fails if it could not run a test, for example if its program is missing.
