@@ -1,8 +1,4 @@
-"""The dsv format, in which installed packages describe changes of the environment.
-
-A package's `share/P/package.dsv` lists its hooks; colcon, ament and forge share the format (see colcon's and
-ament_package's documentation). This module performs no I/O: callers read the files.
-"""
+"""The dsv format of colcon, ament and forge: changes of the environment. Callers read the files."""
 
 from __future__ import annotations
 

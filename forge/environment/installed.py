@@ -93,10 +93,7 @@ def executables(package: str, prefix: Path) -> tuple[Path, ...]:
 
 
 def plain_executables(package: str, prefix: Path) -> tuple[Path, ...]:
-    """Return the executables of a package without ament, including those in bin, where most are installed.
-
-    A link in bin to an executable of the same name in lib/PACKAGE, as in Rust packages, is left out.
-    """
+    """Return executables of lib/PACKAGE and bin, without links in bin to those in lib/PACKAGE."""
     registered = executables(package, prefix)
     same = {(path.name, path.resolve()) for path in registered}
     rest = (path for path in _executables(prefix / "bin") if (path.name, path.resolve()) not in same)

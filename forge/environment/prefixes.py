@@ -75,10 +75,7 @@ def find_underlays(variables: Mapping[str, str], install: Path) -> Underlays:
 
 
 def tidy_prefixes(variables: Mapping[str, str]) -> dict[str, str]:
-    """Return the variables with each prefix once, without empty entries and superfluous slashes and dots.
-
-    These do not affect a build, but a changed variable rebuilds every package.
-    """
+    """Return the variables with each prefix once and normal: a changed variable rebuilds every package."""
     tidied = {
         name: os.pathsep.join(
             dict.fromkeys(str(Path(entry)) for entry in variables[name].split(os.pathsep) if entry)

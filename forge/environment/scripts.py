@@ -1,8 +1,4 @@
-"""Generates setup, local_setup and package scripts for each shell.
-
-The scripts are static: dsv files are evaluated when the scripts are written, so that sourcing a workspace
-starts no programs and reads few files.
-"""
+"""Generates setup scripts for each shell; dsv files are evaluated then, and sourcing starts no program."""
 
 from __future__ import annotations
 
@@ -46,10 +42,7 @@ def setup(name: str, root: Path, underlays: Sequence[Path]) -> str:
 
 
 def local_setup(name: str, root: Path, packages: Sequence[PackageEdits]) -> str:
-    """Return the script that adds the packages of one install tree; `packages` are ordered lowest first.
-
-    Paths are relative to the script; plain sh, which cannot determine the script's path, uses `root`.
-    """
+    """Return the script that adds an install tree; plain sh, which cannot find the script, uses `root`."""
     shell = SHELLS[name]
     edits = [(package, edit) for package in packages for edit in package.edits]
     return render(

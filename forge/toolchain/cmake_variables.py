@@ -1,8 +1,4 @@
-"""CMake variables on the command line: mistakes, unused ones, and BUILD_TESTING.
-
-Variables in --cmake-args apply to all packages, but only some of them use each variable. CMake's warnings
-about unused variables are hidden for single packages, and reported once if no package used a variable.
-"""
+"""CMake variables on the command line; unused ones are reported once if no package used them."""
 
 from __future__ import annotations
 

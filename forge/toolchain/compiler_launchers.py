@@ -65,10 +65,7 @@ class LauncherSummary:
 
 @frozen
 class LauncherStats:
-    """The launcher of one build: the `variables` of its programs, and the job slots of remote hosts.
-
-    `problem` is a warning about its hosts. `finish` returns the statistics at the end of the build.
-    """
+    """The launcher of one build: variables, remote job slots, a warning, and statistics by `finish`."""
 
     variables: Mapping[str, str] = field(default_factory=dict)
     slots: int = 0

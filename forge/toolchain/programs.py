@@ -215,11 +215,7 @@ def _which(program: str, path: str) -> str | None:
 
 
 def find_ninja(variables: Mapping[str, str]) -> Path | None:
-    """Return NINJA, as in Meson, else the wheel's next to the interpreter, else from PATH.
-
-    The wheel's Ninja supports the jobserver. The Ninja of most distributions does not, and would build the
-    last large package with the few jobs that were free when it started.
-    """
+    """Return NINJA, else the wheel's, as distributions' lack the jobserver, else that on PATH."""
     if named := variables.get("NINJA"):
         return Path(named)
     beside = Path(sys.executable).with_name("ninja")

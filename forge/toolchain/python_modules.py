@@ -64,10 +64,7 @@ def missing_modules_problem(python: Path, modules: Iterable[str]) -> Problem:
 
 
 def install_command(python: Path, modules: Sequence[str]) -> str:
-    """Return the shell command that installs modules for an interpreter.
-
-    All but those of the system have pip, except for environments created by uv.
-    """
+    """Return the shell command that installs modules for an interpreter; environments of uv lack pip."""
     words = " ".join(shlex.quote(_ON_INDEX.get(name, name)) for name in modules)
     program = shlex.quote(str(python))
     advice = own_plugin(OPTIONS, "advice-system-python")

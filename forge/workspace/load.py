@@ -141,10 +141,7 @@ def _with_literal_names(query: Query, workspace: Workspace, every: Collection[st
 
 
 def _without_broken(loaded: LoadedWorkspace, names: frozenset[str], *, listing: bool) -> LoadedWorkspace:
-    """Return the workspace without the placeholders for broken packages.
-
-    Only the broken packages that the selected ones include or need remain as problems, others are warnings.
-    """
+    """Return the workspace without placeholders; broken packages that nothing needs become warnings."""
     selection, resolution = loaded.selection, loaded.resolution
     reached = closure(resolution.needs, selection.names) | frozenset(selection.names)
     needed, others = [], []
@@ -195,10 +192,7 @@ def resolve_workspace(
     embedded: bool,
     untested: frozenset[str] = frozenset(),
 ) -> resolve.DependencyResolution:
-    """Return the sources of the packages' dependencies; without `embedded`, only those in the workspace.
-
-    Dependencies that only the tests of `untested` need do not count.
-    """
+    """Return the sources of dependencies, embedded ones only if wanted, without tests of `untested`."""
     if not embedded:
         return resolve.resolve_dependencies(workspace.packages, {}, lambda _: None, untested=untested)
     underlays = find_underlays(variables, install)

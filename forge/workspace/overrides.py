@@ -1,7 +1,4 @@
-"""Package options outside of manifests: colcon.pkg, *.meta files, forge.toml.
-
-Later sources extend lists and mappings of earlier ones and replace other values.
-"""
+"""Package options in colcon.pkg, *.meta files and forge.toml; later ones extend lists and mappings."""
 
 from __future__ import annotations
 

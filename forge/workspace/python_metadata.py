@@ -1,7 +1,4 @@
-"""Extracts metadata from setup.cfg, setup.py and pyproject.toml without running them.
-
-setup.py is parsed as a syntax tree: literals are used, and module variables with literal values.
-"""
+"""Reads literals in setup.cfg, setup.py, whose syntax tree is parsed, and pyproject.toml; none is run."""
 
 from __future__ import annotations
 

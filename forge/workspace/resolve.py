@@ -167,10 +167,7 @@ def resolve_dependencies(
 
 
 def break_test_cycles(resolution: DependencyResolution) -> tuple[DependencyResolution, tuple[Problem, ...]]:
-    """Return the resolution with test dependencies that close a cycle postponed, and warnings.
-
-    They are only needed when tests run, after all packages are built. Other cycles are kept.
-    """
+    """Return the resolution with test dependencies that close a cycle postponed, and warnings."""
     if order(resolution.needs) is not None:
         return resolution, ()
     weak = {name: package.only_tested_with for name, package in resolution.packages.items()}

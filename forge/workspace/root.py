@@ -77,10 +77,7 @@ def is_root(folder: Path) -> bool:
 
 
 def rebase_paths(arguments: Iterable[tuple[str, bool]], origin: Path, root: Path) -> list[str]:
-    """Return a command line typed in `origin` with its paths made relative to `root`.
-
-    Each argument has a flag that is True if it is passed on to another program.
-    """
+    """Return a command line with its paths relative to `root`; flagged arguments are for other programs."""
     rewritten: list[str] = []
     name, left = "", 0
     for argument, passed_on in arguments:

@@ -1,8 +1,4 @@
-"""Selects packages by the options of the command line, with reasons for the others.
-
-In listings, packages with the same name are separate nodes: the name, and for all but the first one a NUL
-character and the folder. Options apply to all of them.
-"""
+"""Selects packages by options; a listing's duplicates are nodes: name, NUL character and folder."""
 
 from __future__ import annotations
 

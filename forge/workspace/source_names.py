@@ -1,8 +1,4 @@
-"""Decides by name and adjacent files which files and folders are not sources.
-
-Editors, indexers and virtual environments create files that builds must not depend on. A package may install
-whole folders with arbitrary names, so that a name alone is rarely sufficient.
-"""
+"""Decides which files are not sources, by name and adjacent files, as packages may install whole folders."""
 
 from __future__ import annotations
 
