@@ -1,13 +1,13 @@
-"""Prepare the build folder of a package for its next build.
+"""Prepare the build folder of a package for its next build: keep what is still valid according to its record.
 
-Keep the contents that are still valid according to its record. A folder whose products are to be reused in a
-newly configured folder is renamed until CMake has configured the new one. If that fails, the next build
-starts from the renamed folder again.
+A folder whose products are to be reused in a newly configured folder is renamed until CMake has configured
+the new one. If that fails, the next build starts from the renamed folder again.
 """
 
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import re
 import time
@@ -18,7 +18,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from forge.base.env_vars import own_cache
-from forge.base.files import delete_tree, text_or_nothing
+from forge.base.files import replace_file, text_or_nothing
+from forge.base.frozen import Pairs, frozen
 from forge.base.layout import (
     BUILD_RESULT,
     DEFERRED_BUILD_FILE,
@@ -32,7 +33,8 @@ from forge.base.layout import (
     own_folders,
 )
 from forge.base.xml import mentions
-from forge.build.copies import is_same_file, status_of
+from forge.build.build_types import build_type_of
+from forge.build.copies import discard, is_same_file, status_of
 from forge.build.inputs.fingerprints import (
     Changes,
     FileTable,
@@ -61,6 +63,7 @@ from forge.build.reuse import (
     restorable_outputs,
     with_all_written,
 )
+from forge.build.tasks import Step, StepKind, Task
 from forge.engine.accesses import NOT_OBSERVED, Accesses, ObservedCommands
 from forge.engine.commands import Folders, commands_of
 from forge.engine.world import PACKAGE_FOUND, PROCESSOR, World
@@ -68,9 +71,10 @@ from forge.engine.world import PACKAGE_FOUND, PROCESSOR, World
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping
 
-    from forge.build.installed_states import InstalledStates
+    from forge.build.installed_lists import InstalledStates
     from forge.build.observed_writes import ObservedSteps
     from forge.engine.observation import Process
+    from forge.workspace.model import Package
 
 _GENERATED = (
     "CMakeCache.txt",
@@ -95,12 +99,11 @@ _CLOCK_NANOSECONDS = 2_000_000_000
 
 
 def last_record(build: Path) -> FolderRecord | None:
-    """Return the record of a build folder; the last build may have been killed."""
     before = set_aside_path(build)
-    _discard(_trash(build))
+    discard(_trash(build))
     if before.is_dir():
         # The build was killed in the configure step, before the outputs were restored.
-        _discard(build)
+        discard(build)
         before.rename(build)
     return read_record(build)
 
@@ -143,7 +146,7 @@ def prepare_build_dir(
                 with contextlib.suppress(OSError):
                     os.rmdir(path)
             else:
-                _discard(Path(path))
+                discard(Path(path))
         _touch_build_ninja(build)
     else:
         before_removal(None)
@@ -162,13 +165,11 @@ def prepare_build_dir(
 
 
 def restore_outputs(build: Path) -> None:
-    """Move outputs of the earlier build that are still in the build graph back into the build folder.
+    """Move outputs of a folder that was set aside back if they are still in the build graph.
 
-    Regenerated files with identical content get their old times, so that they cause no rebuild. Nothing is
-    moved unless a folder was set aside.
+    Regenerated files with identical content get their old times, so that they cause no rebuild.
     """
-    before = set_aside_path(build)
-    if before.is_dir():
+    if (before := set_aside_path(build)).is_dir():
         _restore(build, before)
     # Ninja would rerun CMake endlessly if a file that CMake read is dated in the future.
     _touch_build_ninja(build)
@@ -192,16 +193,16 @@ def _restore(build: Path, before: Path) -> None:
             if path.startswith(f"{build}/"):
                 _move(path, path.replace(str(build), str(before), 1))
     outputs = {path for edge in then.edges for path in edge.outputs}
-    for path in (path for path in then.known() - outputs if path.startswith(f"{build}/")):
+    for path in then.known() - outputs:
         earlier = path.replace(str(build), str(before), 1)
-        if is_same_file(path, Path(earlier)) and not os.path.islink(path):
+        if path.startswith(f"{build}/") and is_same_file(path, Path(earlier)) and not os.path.islink(path):
             status = os.stat(earlier)
             os.utime(path, ns=(status.st_atime_ns, status.st_mtime_ns))
     for name in (".ninja_deps", ".ninja_log"):
         _move(str(build / name), str(before / name))
     _trash(build).parent.mkdir(exist_ok=True)
     before.rename(_trash(build))
-    _discard(_trash(build))
+    discard(_trash(build))
 
 
 def set_aside_path(build: Path) -> Path:
@@ -211,8 +212,8 @@ def set_aside_path(build: Path) -> Path:
 
 def empty_build_dir(build: Path) -> None:
     """Empty a build folder whose contents belong to no record, except for results of tests and tools."""
-    _discard(_trash(build))
-    _discard(set_aside_path(build))
+    discard(_trash(build))
+    discard(set_aside_path(build))
     _begin_empty(build, Reuse.NOTHING, (f"{SCRATCH_DIR}/{DEFERRED_BUILD_FILE}",))
 
 
@@ -289,7 +290,7 @@ def _externals_changed(build: Path, last: FolderRecord, graph: NativeGraph, tabl
 
 
 def written_since(path: str, when: int) -> bool:
-    """Return True if a file exists and was written or moved here since `when` (nanoseconds)."""
+    """Return True if a file was written or moved here since `when` (nanoseconds)."""
     try:
         status = os.stat(path)
     except OSError:
@@ -398,7 +399,6 @@ def _state(path: str) -> str:
 
 
 def generated_digest(build: Path) -> str:
-    """Return a digest of the build files that CMake generated."""
     texts = (text_or_nothing(build / name, errors="surrogateescape") for name in _GENERATED)
     return digest_strings(*texts)
 
@@ -420,7 +420,7 @@ def _begin_empty(build: Path, reuse: Reuse, more: tuple[str, ...]) -> None:
         (build / path).parent.mkdir(parents=True, exist_ok=True)
         (target / path).rename(build / path)
     if reuse is not Reuse.PRODUCTS:
-        _discard(target)
+        discard(target)
 
 
 def _test_results(build: Path) -> Iterator[str]:
@@ -491,8 +491,61 @@ def _trash(build: Path) -> Path:
     return build.parent / TRASH_DIR / build.name
 
 
-def _discard(path: Path) -> None:
-    if path.is_dir() and not path.is_symlink():
-        delete_tree(path)
-    else:
-        path.unlink(missing_ok=True)
+@frozen
+class DeferredBuild:
+    """The steps of a build except its installation, their files, and variables that differ from the user's.
+
+    Without tests there are no steps. `done` is True after they ran successfully.
+    """
+
+    steps: tuple[Step, ...] = ()
+    files: tuple[tuple[Path, str], ...] = ()
+    variables: Pairs = ()
+    done: bool = False
+
+
+def tests_need_build(package: Package) -> bool:
+    return not package.embedded and build_type_of(package).tests_need_build
+
+
+def defer_build(task: Task, variables: Pairs, *, has_tests: bool) -> None:
+    steps = tuple(step for step in task.steps if step.kind is not StepKind.INSTALL) if has_tests else ()
+    files = tuple(task.files) if has_tests else ()
+    write_deferred(task.build_dir, DeferredBuild(steps, files, variables if has_tests else ()))
+
+
+def write_deferred(build: Path, deferred: DeferredBuild) -> None:
+    value = {
+        "steps": [
+            (step.kind.name, step.argv, str(step.cwd), step.env, [*map(str, step.record or ())], step.target)
+            for step in deferred.steps
+        ],
+        "files": [[str(path), text] for path, text in deferred.files],
+        "variables": deferred.variables,
+        "done": deferred.done,
+    }
+    path = build / SCRATCH_DIR / DEFERRED_BUILD_FILE
+    replace_file(path, json.dumps(value).encode(errors="surrogateescape"), mode=0o600)
+
+
+def read_deferred(build: Path) -> DeferredBuild | None:
+    try:
+        value = json.loads(text_or_nothing(build / SCRATCH_DIR / DEFERRED_BUILD_FILE))
+        return DeferredBuild(
+            tuple(
+                Step(
+                    StepKind[kind],
+                    tuple(argv),
+                    Path(cwd),
+                    tuple((name, text) for name, text in env),
+                    (Path(record[0]), record[1]) if record else None,
+                    target=target,
+                )
+                for kind, argv, cwd, env, record, target in value["steps"]
+            ),
+            tuple((Path(path), text) for path, text in value["files"]),
+            tuple((name, text) for name, text in value["variables"]),
+            bool(value["done"]),
+        )
+    except (ValueError, LookupError, TypeError):
+        return None

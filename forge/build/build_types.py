@@ -87,24 +87,21 @@ def find_build_type(name: str) -> BuildType | None:
         return None
     names = (field.name for field in fields(BuildType))
     build_type = BuildType(**{field: getattr(module, field) for field in names if hasattr(module, field)})
-    return build_type if name in installed(BUILD_TYPES) else _checked(name, build_type, module)
-
-
-def _checked(name: str, found: BuildType, module: object) -> BuildType:
-    """Turn exceptions and wrong results of another distribution's build type into ForgeErrors."""
-    what = f"the build type '{name}'"
-
+    if name in installed(BUILD_TYPES):
+        return build_type
     from forge.build.inputs.fingerprints import code_digest
 
-    options, code = checked(what, found.options, tuple), code_digest(module)
+    # Exceptions and wrong results of another distribution become ForgeErrors.
+    what, code = f"the build type '{name}'", code_digest(module)
+    options = checked(what, build_type.options, tuple)
     return replace(
-        found,
+        build_type,
         code=code,
         options=lambda *arguments: (*options(*arguments), f"{BUILD_TYPE}'{name}' {code}"),
-        recipe=checked(what, found.recipe, Recipe),
-        tests=checked(what, found.tests, Recipe),
-        toolchain=found.toolchain and checked(what, found.toolchain, tuple),
-        tool_folders=found.tool_folders and checked(what, found.tool_folders, tuple),
+        recipe=checked(what, build_type.recipe, Recipe),
+        tests=checked(what, build_type.tests, Recipe),
+        toolchain=build_type.toolchain and checked(what, build_type.toolchain, tuple),
+        tool_folders=build_type.tool_folders and checked(what, build_type.tool_folders, tuple),
     )
 
 
@@ -131,7 +128,7 @@ def with_toolchains(
 
 
 def known_types() -> tuple[str, ...]:
-    """Return the names of all build types, without loading those of plugins."""
+    """Return the names of all build types without loading plugins."""
     return tuple(sorted({*OWN, *installed(BUILD_TYPES), *entry_points(BUILD_TYPES)}))
 
 
@@ -144,7 +141,6 @@ def build_type_of(package: Package) -> BuildType:
 
 
 def unknown_types(packages: Iterable[Package]) -> frozenset[str]:
-    """Return the names of the packages whose build type is unknown."""
     return frozenset(package.name for package in packages if find_build_type(package.build_type) is None)
 
 
@@ -156,8 +152,7 @@ def leave_out(
 ) -> tuple[tuple[str, ...], tuple[Problem, ...]]:
     """Return `names` without packages of unknown build types, and warnings about these.
 
-    A package that is `requested` or needed by another one of a known build type remains: planning reports it
-    as an error.
+    Those that are `requested`, or needed by another package, remain: planning reports them as errors.
     """
     unknown = unknown_types(packages[name] for name in names)
     if not unknown:
@@ -176,13 +171,11 @@ def leave_out(
 
 
 def unknown_type(manifest: Manifest) -> Problem:
-    """Return the problem of a package that cannot be built because its build type is unknown."""
     message = f"unsupported build type '{manifest.build_type}' of package '{manifest.name}'"
     return Problem(message, Location(manifest.path), hint_on_type(manifest.build_type, manifest.name))
 
 
 def hint_on_type(build_type: str, name: str = "NAME") -> str:
-    """Return a remedy for an unknown build type."""
     if build_type == "catkin":
         what = "catkin, the build type of a package.xml that names none, is for ROS 1"
         return f"{what}; check out a branch for ROS 2, add a build type, or pass --packages-skip {name}"

@@ -1,7 +1,6 @@
 """Find and remove the files that builds of a package created, and nothing else.
 
-A build folder is removed as a whole if it is forge's own (see forge.build.folder_marks). In a prefix, merged
-or isolated, lists, records and install manifests determine which files belong to a package; without them,
+In a prefix, lists, records and install manifests determine which files belong to a package; without them,
 files in an isolated prefix belong to it if they are not newer than its own scripts, which builds write last.
 All other files are kept, including mounts and files behind links.
 """
@@ -45,10 +44,9 @@ PACKAGE_SCRIPTS = tuple(f"package.{extension}" for extension in (*_EXTENSIONS, "
 
 @frozen
 class Removable:
-    """Files, links and folders below `base` to remove together; `label` describes them.
+    """Files, links and folders below `base` to remove together, with forge's `records` about them.
 
-    `records` are files and folders with forge's own data about them, which are removed with them. `prefix` is
-    the isolated prefix that contains the files, in `layout`.
+    `prefix` is the isolated prefix that contains the files, in `layout`.
     """
 
     label: str
@@ -60,7 +58,6 @@ class Removable:
 
 
 def package_removables(name: str, layout: Layout, records: Mapping[str, BuildRecord]) -> Iterator[Removable]:
-    """Yield the build folder of a package and its installed files."""
     build, record = layout.build_dir(name), records.get(name)
     if is_own_build_base(layout.build) and is_own_build_dir(build) and not is_source_of(build, record):
         beside = (layout.build / INSTALLED_STATES_DIR / name, set_aside_path(build))

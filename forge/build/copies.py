@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
-from forge.base.files import remove_tree, replace_file, tree_below
+from forge.base.files import delete_tree, remove_tree, replace_file, tree_below
 from forge.base.frozen import frozen
 
 _LIST = "list.json"
@@ -27,10 +27,7 @@ class Copies:
     folder: Path
 
     def make(self, paths: Iterable[str], *, of_others: bool = False) -> None:
-        """Copy files unless older copies exist.
-
-        With `of_others`, also list folders and hard-link special files.
-        """
+        """Copy files unless copies exist; `of_others`, also list folders and hard-link special files."""
         if (self.folder / _LIST).is_file():
             return
         remove_tree(str(self.folder))
@@ -75,6 +72,14 @@ def remove_empty_tree(path: str) -> None:
         os.rmdir(folder)
 
 
+def discard(path: Path) -> None:
+    """Remove a file, link or folder; raises OSError."""
+    if path.is_dir() and not path.is_symlink():
+        delete_tree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
 def is_folder(path: str) -> bool:
     """Return whether the path is a folder, not a link to one."""
     return os.path.isdir(path) and not os.path.islink(path)
@@ -95,10 +100,7 @@ def stats_of(path: str) -> list[int]:
 
 
 def is_same_file(path: str, other: Path) -> bool:
-    """Return whether two files have the same content, or two links the same target.
-
-    A file that cannot be read differs from all others.
-    """
+    """Return whether two readable files have the same content, or two links the same target."""
     try:
         if os.path.islink(path) or other.is_symlink():
             return os.path.islink(path) and other.is_symlink() and os.readlink(path) == os.readlink(other)
@@ -116,7 +118,6 @@ def has_same_content(path: str | Path, other: Path) -> bool:
 
 
 def begins_with(path: str | Path, other: Path) -> bool:
-    """Return whether a file begins with the content of another one."""
     try:
         with open(path, "rb") as now, other.open("rb") as then:
             return all(now.read(len(part)) == part for part in iter(partial(then.read, _CHUNK), b""))

@@ -1,7 +1,6 @@
-"""Decide which package owns a file that several install into a merged tree with different contents.
+"""Decide which package owns a file that several install into a merged tree: the last one in build order.
 
-The last package in build order owns it. Digests of each package's own files are in its last
-installed state.
+Digests of each package's own files are in its last installed state.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import Problem
 from forge.build.events import Event, Finished, Started
 from forge.build.inputs.fingerprints import FileTable, contents_of, fingerprint_files
-from forge.build.installed_states import InstalledStates
+from forge.build.installed_lists import InstalledStates
 from forge.build.model import BuildRecord, Fingerprint
 
 if TYPE_CHECKING:
@@ -83,7 +82,6 @@ class MergedPrefix:
             yield Problem(f"{packages} install '{relative}' with different contents", hint=hint)
 
     def shared_files(self, task: Task) -> frozenset[str]:
-        """Return the files of a task that other packages also install."""
         earlier = frozenset(task.earlier if self._layout.merged else ())
         return owned_by_others(task.name, earlier, self._journal.records) if earlier else earlier
 
@@ -106,12 +104,11 @@ class MergedPrefix:
         return replace(plan, tasks=tasks)
 
     def refresh_stamps(self, plan: BuildPlan, table: FileTable) -> bool:
-        """Accept files that a later package has just overwritten as unchanged.
+        """Accept files that a later package has just overwritten: only the stamp of the package is updated.
 
-        The digest of the package still covers its own files; only the stamp is updated. The next build
-        compares the content of a file that the later package no longer installs. Return True if packages
-        installed or removed the same file in an arbitrary order; the next build repeats this in the right
-        one.
+        Its digest still covers its own files. The next build compares the content of a file that the later
+        package no longer installs. Return True if packages installed or removed the same file in an arbitrary
+        order; the next build repeats this in the right one.
         """
         if not self._layout.merged:
             return False
@@ -165,6 +162,5 @@ class MergedPrefix:
 
 
 def owned_by_others(name: str, paths: frozenset[str], records: Mapping[str, BuildRecord]) -> frozenset[str]:
-    """Return the paths of a package that other packages also install."""
     others = (record for other, record in list(records.items()) if other != name)
     return frozenset[str]().union(*(paths.intersection(record.files) for record in others))

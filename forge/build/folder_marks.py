@@ -50,7 +50,7 @@ _COLCON_MARKS = (BUILD_RESULT, TEST_RESULT, "cmake_args.last", "colcon_command_p
 _BASE_MARKS = (BUILT_BY, LAYOUT_MARKER, IGNORE_MARK, INSTALLED_LISTS_DIR)
 _HOME_OF_CMAKE = re.compile(r"^CMAKE_HOME_DIRECTORY:INTERNAL=(.*)$", re.MULTILINE)
 _WORD = re.compile(r"[A-Za-z][\w.+-]*")
-_RUN = re.compile(r"[a-z][a-z_-]*_\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d(_\d+)?")
+RUN_NAME = re.compile(r"[a-z][a-z_-]*_\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d(_\d+)?")
 _LATEST = re.compile(r"latest_[a-z][a-z_-]*")
 _RESULTS_MARK = ".forge_results"
 _LEVELS = 3
@@ -65,17 +65,13 @@ def builder(build: Path) -> str | None:
 
 
 def is_own_build_base(build: Path) -> bool:
-    """Return whether forge or colcon created the build folder of a workspace."""
     tool = builder(build)
     marked = (build / BUILT_BY).is_file() and (build / JOURNAL_FILE).is_file()
     return tool in BUILDERS or (tool is None and marked)
 
 
 def is_own_install_base(install: Path) -> bool:
-    """Return whether forge or colcon created the install folder of a workspace.
-
-    The lists of installed files remain if 'forge clean' keeps unowned files in prefixes.
-    """
+    """The lists of installed files remain if 'forge clean' keeps unowned files in prefixes."""
     return (install / LAYOUT_MARKER).is_file() or (install / INSTALLED_LISTS_DIR).is_dir()
 
 
@@ -89,20 +85,10 @@ def recorded_layout(install: Path) -> str | None:
     return "isolated" if any(install.glob(f"*/{PACKAGES}")) else None
 
 
-def is_own_log_base(logs: Path) -> bool:
-    """Return whether forge or colcon created a log folder."""
-    return (logs / IGNORE_MARK).is_file()
-
-
-def is_run_name(name: str) -> bool:
-    """Return whether forge or colcon give such a name to the log folder of a run."""
-    return _RUN.fullmatch(name) is not None
-
-
 def is_own_log_link(link: Path) -> bool:
     """Return whether an entry of a log folder is a link to the latest run, as forge and colcon create it."""
     return link.is_symlink() and bool(
-        _RUN.fullmatch(target := os.readlink(link)) or _LATEST.fullmatch(target)
+        RUN_NAME.fullmatch(target := os.readlink(link)) or _LATEST.fullmatch(target)
     )
 
 
@@ -124,29 +110,23 @@ def is_own_build_dir(build: Path) -> bool:
 
 
 def is_own_result_dir(folder: Path) -> bool:
-    """Return whether a folder is marked as one for test results of a package."""
     return is_own_build_dir(folder) or (folder / _RESULTS_MARK).is_file()
 
 
 def mark_result_dir(folder: Path) -> None:
-    """Create a folder for the results of a package's tests, with its mark."""
     if not is_own_result_dir(folder):
         folder.mkdir(parents=True, exist_ok=True)
         (folder / _RESULTS_MARK).touch()
 
 
 def has_package_marks(prefix: Path) -> bool:
-    """Return whether an isolated prefix contains the marks of the package that it is named after."""
     share = prefix / "share" / prefix.name
     marks = (prefix / PACKAGES, prefix / INDEX / "packages")
     return any((mark / prefix.name).is_file() for mark in marks) or (share / "package.dsv").is_file()
 
 
 def is_own_prefix(prefix: Path) -> bool:
-    """Return whether a folder is the isolated prefix of a package, perhaps with unowned files.
-
-    Its base contains a list of the files that forge installed in it, or leftovers of a killed build.
-    """
+    """Return whether a list of installed files, or a killed build, marks an isolated prefix of a package."""
     base, name = prefix.parent, prefix.name
     notes = (
         INSTALLED_LISTS_DIR + f"/{name}.json",
@@ -179,7 +159,6 @@ def is_source_of(folder: Path, record: BuildRecord | None) -> bool:
 
 
 def contents(folder: Path) -> str:
-    """Return a short description of the contents of a folder, the most characteristic names first."""
     names = sorted(os.listdir(folder), key=lambda name: (name not in {".git", "package.xml"}, name))
     more = f" and {len(names) - 1} more" if len(names) > 1 else ""
     return f"'{names[0]}'{more}" if names else "nothing"
@@ -236,8 +215,7 @@ def base_problems(
 ) -> Iterator[Problem]:
     """Yield a problem for each unsuitable base; `bases` maps options to folders.
 
-    Marked bases are searched for sources, which a mark hides from discovery, only if the check must be
-    `thorough`.
+    A `thorough` check also searches marked bases for sources, which a mark hides from discovery.
     """
     for option, base in bases.items():
         top = f"contains '{source}'" if (source := sources_in(base)) else ""
@@ -342,7 +320,7 @@ def folder_problems(
 ) -> Iterator[Problem]:
     """Yield a problem for each build folder and isolated prefix of these packages that is not forge's.
 
-    `records` returns the records of the journal, which is only read if a prefix has no marks.
+    `records` reads the journal, which is only necessary for a prefix without marks.
     """
     prefixes = prefixes and not layout.merged
     is_own_install = prefixes and is_own_install_base(layout.install)
@@ -444,7 +422,6 @@ def create_output_folders(layout: Layout) -> None:
 
 
 def foreign_build(layout: Layout) -> Problem | None:
-    """Return a problem if the build folder was created by another tool."""
     tool = builder(layout.build)
     if tool in {None, *BUILDERS}:
         return None
@@ -453,7 +430,6 @@ def foreign_build(layout: Layout) -> Problem | None:
 
 
 def other_layout(layout: Layout) -> Problem | None:
-    """Return a problem if the install folder has the other layout (merged or isolated)."""
     layout_name = recorded_layout(layout.install)
     if layout_name in {None, layout.word}:
         return None
@@ -471,20 +447,17 @@ def workspace_scripts(root: Path) -> list[str]:
 
 
 def mark_build_base(build: Path) -> None:
-    """Create the build folder of a workspace with its marks."""
     _make_ignored(build)
     write_if_changed(build / BUILT_BY, "colcon\n")
 
 
 def _begin_build(layout: Layout) -> Problem | None:
-    """Create the build folder; return a problem if another tool owns it."""
     if not (problem := foreign_build(layout)):
         mark_build_base(layout.build)
     return problem
 
 
 def _begin_install(layout: Layout) -> Problem | None:
-    """Create the install folder; return a problem if it is a file or has the other layout."""
     if layout.install.exists() and not layout.install.is_dir():
         hint = "remove it, or choose another with '--install-base'"
         return Problem(f"the install folder '{layout.install}' is a file", hint=hint)
@@ -509,3 +482,36 @@ def _make_ignored(folder: Path) -> None:
     marker = folder / IGNORE_MARK
     if not os.path.lexists(marker):
         marker.touch()
+
+
+_SEPARATORS = {
+    ":": "path lists use it as separator",
+    ";": "CMake lists use it as separator",
+    '"': "CMake's scripts use it as string delimiter",
+    "\\": "CMake interprets it as '/'",
+}
+_SETUPTOOLS_PLACEHOLDERS = dict.fromkeys("$%{}", "setuptools substitutes it")
+
+
+def path_problems(folders: Iterable[Path], *, python: bool) -> Iterator[Problem]:
+    """Yield a problem for each folder with an unsupported character; `python`: with Python packages."""
+    reasons = {**_SEPARATORS, **(_SETUPTOOLS_PLACEHOLDERS if python else {})}
+    for folder in dict.fromkeys(folders):
+        for character in dict.fromkeys(str(folder)):
+            reason = "it is a line break" if character in "\n\r" else reasons.get(character)
+            if reason:
+                hint = "move the workspace, or choose other folders with '--build-base' and '--install-base'"
+                message = f"the path '{folder}' contains {character!r}, which is not supported: {reason}"
+                yield Problem(message, hint=hint)
+                break
+
+
+def is_removed_package(source: Path) -> bool:
+    """Return True if a folder no longer contains a package, or is ignored."""
+    if not (source / "package.xml").is_file():
+        return not (source / "CMakeLists.txt").is_file() and not (source / "setup.py").is_file()
+    return any(
+        (folder / marker).exists()
+        for folder in (source, *source.parents)
+        for marker in (IGNORE_MARK, "AMENT_IGNORE")
+    )

@@ -58,10 +58,8 @@ def install_package(
 ) -> tuple[str, ...]:
     """Finish a package's prefix after its own install step: implicit files, hooks, scripts, index.
 
-    `installed` are the absolute paths of the package's files; by default, `installed_files` finds them.
-    `exchange` is that of the running build.
-    Returns the absolute paths of the files that forge itself installed. Raises WorkspaceError if an unowned
-    file is in their place.
+    `installed` are the absolute paths of its files (default: `installed_files`), `exchange` is the build's.
+    Returns the files that forge itself installed. Raises WorkspaceError if an unowned file is in their place.
     """
     prefix = layout.prefix(package.name)
     exchange = exchange or PrefixExchange(package.name, layout)
@@ -122,8 +120,7 @@ def installed_files(
 
     These are the files in install manifests, and files and folders that its steps were observed to write. If
     some process could not be observed, all files that appeared in an isolated prefix during the build count,
-    and so do those that an earlier build counted. Raises WorkspaceError if the package has overwritten an
-    unowned file.
+    and so do `earlier` ones. Raises WorkspaceError if the package has overwritten an unowned file.
     """
     name, prefix = package.name, layout.prefix(package.name)
     build = layout.build_dir(name)
@@ -154,7 +151,6 @@ def installed_files(
 
 
 def uninstall_markers(name: str, layout: Layout) -> None:
-    """Remove the files that mark a package as installed."""
     for path in package_markers(name, layout):
         with contextlib.suppress(FileNotFoundError):
             os.unlink(path)
@@ -170,10 +166,9 @@ def finish_workspace(
 ) -> tuple[Path, ...]:
     """Write the scripts of the install root; return the underlays that they source, lowest first.
 
-    Underlays of earlier builds are kept even if they are not sourced this time; without `rosdistro`, the
-    recorded ROS distribution is kept as well. If `unchanged`, no package
-    has changed its contribution to the scripts, and they are kept unless underlays or interpreter changed.
-    Raises WorkspaceError for an invalid dsv file of a package.
+    Underlays of earlier builds are kept even if they are not sourced this time; without `rosdistro`, so is
+    the recorded ROS distribution. If `unchanged`, no package has changed its contribution to the scripts,
+    which are kept unless underlays or interpreter changed. Raises WorkspaceError for an invalid dsv file.
     """
     root, chain = layout.install, underlays
     recorded = recorded_underlays(root)
@@ -229,8 +224,8 @@ def set_file_times(
 
     Build tools only compare times: users of an unchanged header must not be recompiled. CMake truncates
     copied times to seconds, so a header that changed soon after a compilation would look older than the
-    object. Files that were `restored` from the cache have new times.
-    The package's own script gets its time last: later files were not installed by a build.
+    object. Files `restored` from the cache have new times. The package's own script gets its time last: later
+    files were not installed by a build.
     """
     before, marker = exchange.moved_files(), exchange.markers[0]
     dated = () if restored and not before else files
@@ -257,8 +252,7 @@ def remove_stale(
 ) -> None:
     """Remove files that a package no longer installs, unless another package does.
 
-    Those in its own prefix were moved aside before the build: any file there now was written by another
-    package or is unowned.
+    Those in its own prefix were moved aside before the build: any file there now is another's or unowned.
     """
     stale = exchange.copied_files().intersection(task.earlier).difference(files)
     left = frozenset(path for path in stale if os.path.islink(path) or os.path.isfile(path))

@@ -1,6 +1,7 @@
 """Read and write the lists of files that forge has installed for each package: it removes only these.
 
 Without them, for example after a build with colcon, the install manifests in build folders list the files.
+The files of the last few states remain known, so that dependents can compare them.
 """
 
 from __future__ import annotations
@@ -10,17 +11,23 @@ import os
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from forge.base.ament_index import INDEX
 from forge.base.errors import Problem
+from forge.base.extensions import OPTIONS, own_plugin
 from forge.base.files import listed_paths, read_json, replace_file
 from forge.base.frozen import frozen
-from forge.base.layout import INSTALLED_LISTS_DIR, LAYOUT_MARKER, Layout
+from forge.base.layout import INSTALLED_LISTS_DIR, INSTALLED_STATES_DIR, LAYOUT_MARKER, Layout
 from forge.environment.prefixes import PACKAGES
 from forge.environment.shells import SHELLS
 
+if TYPE_CHECKING:
+    from forge.build.inputs.fingerprints import Changes
+
 _VERSION = 1
+STATES_PER_PACKAGE = 8
+"""Dependents may have been built with different states."""
 MANIFESTS = ("install_manifest.txt", "symlink_install_manifest.txt")
 """The files in which CMake, ament and forge list installed files."""
 
@@ -97,6 +104,14 @@ def _relative(workspace: str, base: str) -> str:
     return os.path.relpath(os.path.realpath(workspace), os.path.realpath(base))
 
 
+def add_files(name: str, layout: Layout, identities: Mapping[str, str]) -> None:
+    """Add files to the existing list of a package, with their identities, or replace these."""
+    file, skip = list_file(name, layout), len(str(layout.install)) + 1
+    data = json.loads(file.read_bytes())
+    data["files"].update((path[skip:], content) for path, content in identities.items())
+    replace_file(file, json.dumps(data).encode())
+
+
 def add_unclaimed(name: str, layout: Layout, paths: Iterable[str]) -> None:
     """Add files to the list of a package of which it is unknown whether it has written them."""
     file, skip = list_file(name, layout), len(str(layout.install)) + 1
@@ -111,10 +126,6 @@ def package_markers(name: str, layout: Layout) -> tuple[str, ...]:
     prefix = layout.prefix(name)
     scripts_of_it = (f"{prefix}/share/{name}/package.{extension}" for extension in ("dsv", *SHELLS))
     return (*scripts_of_it, f"{prefix}/{PACKAGES}/{name}", f"{prefix}/{INDEX}/packages/{name}")
-
-
-def forget_installed_list(name: str, layout: Layout) -> None:
-    list_file(name, layout).unlink(missing_ok=True)
 
 
 def identity(path: str, content: str) -> str:
@@ -174,3 +185,44 @@ def without_other_installs(paths: Iterable[str], install: Path) -> Iterator[str]
     for path in paths:
         if path.startswith(base) or is_own(os.path.dirname(path)):
             yield path
+
+
+class InstalledStates:
+    """Lists of installed files by package and by the digest of all of them."""
+
+    def __init__(self, build: Path) -> None:
+        """Store the path of the lists; `build` is the parent of all build folders."""
+        self._home = build / INSTALLED_STATES_DIR
+        self._compared: dict[tuple[str, str, str], Changes | None] = {}
+
+    def folder(self, name: str) -> Path:
+        """Return the folder for what is recorded about the installed files of a package."""
+        return self._home / name
+
+    def keep(self, name: str, digest: str, contents: Mapping[str, str]) -> None:
+        """Record the contents of a package's installed files by absolute path; remove old states."""
+        replace_file(self.folder(name) / f"{digest}.json", json.dumps(contents).encode())
+        if plugin := own_plugin(OPTIONS, "library-abi"):
+            plugin.keep_interfaces(name, contents, self)
+        states = [*self.folder(name).glob("*.json")]
+        if len(states) > STATES_PER_PACKAGE:
+            states.sort(key=lambda path: path.stat().st_mtime_ns)
+            for path in states[:-STATES_PER_PACKAGE]:
+                path.unlink(missing_ok=True)
+
+    def contents(self, name: str, digest: str) -> Mapping[str, str] | None:
+        """Return the installed files of a package in one of its states, None if it is unknown."""
+        return read_json(self.folder(name) / f"{digest}.json") or None
+
+    def changes(self, name: str, then: str, now: str) -> Changes | None:
+        """Return how two states of a package differ, by their digests; None if one of them is unknown.
+
+        An empty digest means that the package was not installed.
+        """
+        key = (name, then, now)
+        if key not in self._compared:
+            from forge.build.inputs.fingerprints import compare
+
+            one, other = (self.contents(name, digest) if digest else {} for digest in (then, now))
+            self._compared[key] = None if one is None or other is None else compare(one, other)
+        return self._compared[key]

@@ -16,7 +16,7 @@ import json
 import time
 from dataclasses import fields, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from forge.base.files import naming, replace_file
 from forge.base.layout import BUILD_RESULT, JOURNAL_FILE
@@ -41,13 +41,12 @@ class Journal:
     """The records of one build folder; owned by the build loop."""
 
     def __init__(self, path: Path) -> None:
-        """Start empty; use `open_journal` to read an existing journal."""
         self.path = path
         self.records: dict[str, BuildRecord] = {}
         self.ended = True
         """False if the last build that changed the install folder was killed."""
         self.stamp = ""
-        """The stamp of all external files if it matches every record, else empty."""
+        """The stamp of all external files if it matches every record; else empty: each is checked again."""
         self.scripts = ""
         """The stamp of the workspace's scripts as last written."""
         self._externals: dict[str, int] = {}
@@ -62,7 +61,7 @@ class Journal:
         """Record the start of a package, which makes its last record incomplete, or its result."""
         match event:
             case Started(name, inputs):
-                self.end(ended=False)
+                self.note("ended", False)
                 began = time.time()
                 self._start(name, inputs, began)
                 self._append({"started": name, "inputs": _data(inputs), "began": began})
@@ -80,29 +79,13 @@ class Journal:
         """All external files that records refer to, and some that are no longer referred to."""
         return list(self._externals)
 
-    def end(self, *, ended: bool) -> None:
-        """Record that a build started or finished changing the install folder."""
-        if ended != self.ended:
-            self.ended = ended
-            self._append({"ended": ended})
-
-    def set_stamp(self, stamp: str) -> None:
-        """Record the stamp of all external files; every record must match their current contents."""
-        if stamp != self.stamp:
-            self.stamp = stamp
-            self._append({"stamp": stamp})
-
-    def clear_stamp(self) -> None:
-        """Drop the stamp of all external files, so that each is checked again."""
-        self.stamp = ""
-
-    def note_scripts(self, stamp: str) -> None:
-        if stamp != self.scripts:
-            self.scripts = stamp
-            self._append({"scripts": stamp})
+    def note(self, name: Literal["ended", "stamp", "scripts"], value: bool | str) -> None:
+        """Set one of the attributes, and record it if it was different."""
+        if value != getattr(self, name):
+            setattr(self, name, value)
+            self._append({name: value})
 
     def set_record(self, name: str, record: BuildRecord) -> None:
-        """Add or replace the record of a package."""
         self.records[name] = record
         new = [path for path in dict.fromkeys(record.externals) if path not in self._externals]
         if new:

@@ -52,10 +52,7 @@ class ObservedWrites:
 
 @frozen
 class ObservedSteps:
-    """The contents of a log and the notes beside it.
-
-    `kinds` maps the process of each step to its kind, `files` are those that forge itself wrote.
-    """
+    """The contents of a log: `kinds` of the steps by process, and `files` that forge itself wrote."""
 
     observed: ObservedStep
     kinds: Mapping[int, str] = field(default_factory=dict)
@@ -124,7 +121,7 @@ def note_written(path: str) -> None:
 def note_start(variables: Mapping[str, str]) -> None:
     """Log that this process is about to start a program of a step that the library observes.
 
-    The library itself logs the programs that an observed process starts, but forge's worker is not observed.
+    The library logs this itself in observed processes, but forge's worker is not one.
     """
     if "LD_PRELOAD" not in variables:
         return
@@ -136,7 +133,6 @@ def note_start(variables: Mapping[str, str]) -> None:
 
 
 def append(log: str | None, *notes: bytes) -> None:
-    """Append notes to those of an existing log."""
     with contextlib.suppress(FileNotFoundError):
         descriptor = os.open(f"{log}{NOTES}", os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC) if log else -1
         if descriptor >= 0:

@@ -43,8 +43,8 @@ def make_plan(
     """Return the tasks for `names`, which are in topological order, and the dependency hashes.
 
     `shared` are the inputs of all packages, and `forced` maps packages that are built in any case to the
-    option that requests it. A package of `names` without a task is up to date. Raises WorkspaceError for
-    unknown build types and for dependencies that are not installed.
+    option that requests it. Packages without a task are up to date. Raises WorkspaceError for unknown build
+    types and for dependencies that are not installed.
     """
     ordered = ordered_names(resolution.needs)
     read_from = _read_from(resolution, snapshot)
@@ -117,7 +117,7 @@ def make_plan(
 
 
 def _read_from(resolution: DependencyResolution, snapshot: Snapshot) -> dict[str, frozenset[str]]:
-    """Return the undeclared dependencies of each package: those whose files its last build read.
+    """Return the packages whose files the last build of each package read without declaring them.
 
     They are built first where possible. In a cycle, declared dependencies take precedence.
     """
@@ -145,12 +145,11 @@ def _not_installed(
     snapshot: Snapshot,
     layout: Layout,
 ) -> Iterable[Problem]:
-    """Yield a problem for each selected package with a dependency that is neither installed nor planned."""
+    """Yield a problem for each package with a dependency that is neither installed nor planned."""
     available = snapshot.present | frozenset(names)
 
     @cache
     def without_tests() -> dict[str, frozenset[str]]:
-        """Return the dependencies that builds need."""
         packages = resolution.packages
         return {name: needs - packages[name].only_tested_with for name, needs in resolution.needs.items()}
 

@@ -1,9 +1,8 @@
-"""Exchange the files of a package in its prefix.
+"""Exchange the files of a package in its prefix: all come from the last successful build, or from the new.
 
-All come from the last successful build, or all from the new one. A package is always installed as if built
-for the first time. Before its build, the files that forge installed are moved aside, so that the build does
-not find them and obsolete ones do not remain. If the build fails or is interrupted, they are moved back;
-after a kill, the next build begins from them.
+A package is always installed as if built for the first time. Before its build, the files that forge installed
+are moved aside, so that the build does not find them and obsolete ones do not remain. If it fails or is
+interrupted, they are moved back; after a kill, the next build begins from them.
 
 forge owns only the files that it installed. Each prefix has a list of these files with their contents; files
 that several packages installed, and those outside the prefix, are copied instead of moved. All other entries
@@ -44,7 +43,6 @@ from forge.build.installed_lists import (
     add_unclaimed,
     edited,
     folders_above,
-    forget_installed_list,
     identity_now,
     list_file,
     package_markers,
@@ -70,7 +68,7 @@ def written_log(name: str, layout: Layout) -> Path:
 
 
 def stage_folder(name: str, layout: Layout) -> Path:
-    """Return the folder, on the file system of the prefix, into which a package is installed again."""
+    """Return the folder, on the file system of the prefix, for installing a package again."""
     return Path(os.path.realpath(layout.install)) / BACKUP_DIR / f"{name}.stage"
 
 
@@ -94,12 +92,10 @@ def tidy(layout: Layout) -> None:
 class PrefixExchange:
     """The exchange of one package's files; its state is on disk, so that a later build can continue it.
 
-    A build uses one object per package from beginning to end, which also remembers that state.
-
-    In the backup folder are, for a package P: `P`, the moved files; `P.part`, the same while they are being
-    moved; `P.copies`, the copies of shared files; `P.others`, the copies of unowned files; `P.state`, the
-    folders before the build; `P.list`, the list of files before the build; `P.written`, the log of the writes
-    of the steps; `P.links`, the links through which they must not write.
+    A build uses one object per package. In the backup folder are, for a package P: `P`, the moved files;
+    `P.part`, the same while they are being moved; `P.copies`, the copies of shared files; `P.others`, those
+    of unowned files; `P.state`, the folders before the build; `P.list`, the list of files before the build;
+    `P.written`, the log of the writes of the steps; `P.links`, the links through which they must not write.
     """
 
     def __init__(self, name: str, layout: Layout) -> None:
@@ -129,7 +125,10 @@ class PrefixExchange:
         `earlier` are the files of earlier builds in records and install manifests, as absolute paths; other
         packages also installed the `shared` ones. Unless it `runs_steps`, forge alone is going to write.
         """
-        if not (self._layout.merged or earlier or os.path.lexists(self._prefix) or self._has_traces()):
+        # A list or a killed build may tell of files in a prefix that does not exist.
+        kinds = ("", ".part", ".state", ".list", ".copies", ".others", ".stage")
+        traces = (*(f"{self._moved}{kind}" for kind in kinds), str(list_file(self._name, self._layout)))
+        if not (self._layout.merged or earlier or any(map(os.path.lexists, (self._prefix, *traces)))):
             self._is_first = True
             self._note_state(())
             self._moved.mkdir()
@@ -167,12 +166,6 @@ class PrefixExchange:
         self._guard_links()
         return problems
 
-    def _has_traces(self) -> bool:
-        """Return whether a list or a killed build tells of files in a prefix that does not exist."""
-        kinds = ("", ".part", ".state", ".list", ".copies", ".others", ".stage")
-        traces = (str(list_file(self._name, self._layout)), *(f"{self._moved}{kind}" for kind in kinds))
-        return any(os.path.lexists(path) for path in traces)
-
     def _is_installed(self) -> bool:
         return os.path.lexists(f"{self._prefix}/{PACKAGES}/{self._name}")
 
@@ -189,7 +182,6 @@ class PrefixExchange:
         return backups
 
     def copied_files(self) -> frozenset[str]:
-        """Return the paths of the files of the last build that were copied instead of moved."""
         return frozenset() if self._is_first else frozenset(path for _, path, _ in self._copies.entries())
 
     def others(self) -> dict[str, list[int]]:
@@ -200,11 +192,9 @@ class PrefixExchange:
         return self._known_entries
 
     def writes(self) -> ObservedWrites:
-        """Return the observed writes of the steps below the prefix."""
         return read_writes(self._log, Path(self._prefix))
 
     def in_the_way(self, paths: Iterable[str]) -> Iterator[Problem]:
-        """Yield a problem for each unowned file that the package is about to replace."""
         entries, unclaimed = self._known_others()
         others = {path for path in entries if os.path.lexists(path)}
         if not others:
@@ -231,10 +221,7 @@ class PrefixExchange:
         append(str(self._log), *(b"W" + os.fsencode(path) for path in paths))
 
     def overwritten(self, installed: Iterable[str]) -> Iterator[Problem]:
-        """Restore unowned files that the package has replaced; yield a problem for each.
-
-        Unowned files that the steps removed are restored as well.
-        """
+        """Restore unowned files that the package replaced (yield a problem for each) or removed."""
         others, unclaimed = self._known_others()
         if not others:
             return
@@ -258,10 +245,7 @@ class PrefixExchange:
                     yield self._problem(blocking[0], path)
 
     def folders_of_others(self, listed: Iterable[str]) -> Iterator[Problem]:
-        """Yield a problem for each file that CMake put into a folder of its name instead of replacing it.
-
-        The folder is one of another package, which perhaps no longer installs it.
-        """
+        """Yield a problem for each file that CMake put into a folder of its name, of another package."""
         folders = [path for path in listed if is_folder(path)] if self._layout.merged else []
         own = list_file(self._name, self._layout)
         for file in own.parent.glob("*.json") if folders else ():
@@ -289,7 +273,7 @@ class PrefixExchange:
     def commit(self) -> tuple[Problem, ...]:
         """Drop the backup, once the new files are listed.
 
-        Edited files that the package no longer installs are restored: return a problem for each, and for
+        Return a problem for each edited file that the package no longer installs, which is restored, and for
         unowned files that it may have changed.
         """
         if self._is_first:
@@ -334,7 +318,7 @@ class PrefixExchange:
             list_file(self._name, self._layout).parent.mkdir(exist_ok=True)  # may be gone
             self._list.replace(list_file(self._name, self._layout))
         elif self._state.is_file():
-            forget_installed_list(self._name, self._layout)
+            list_file(self._name, self._layout).unlink(missing_ok=True)
         self._note_leftovers()
         if not self._layout.merged and not self._noted("state").get("existed", True):
             with contextlib.suppress(OSError):
@@ -505,10 +489,7 @@ class PrefixExchange:
             self._part.rename(self._moved)
 
     def _move_back(self, source: Path) -> None:
-        """Move files to their original paths, replacing whatever the build created there since.
-
-        Files that another package has installed there meanwhile are kept.
-        """
+        """Move files to their original paths, replacing the build's, but no file of another package."""
         others, installed = self.others(), self._of_other_packages()
         cut, backups = len(str(source)), [path for path, _ in tree_below(str(source))[0]]
         make_writable(self._folders_of(f"{self._prefix}{path[cut:]}" for path in backups))
@@ -587,7 +568,6 @@ def copy_others_of_merged(layout: Layout, owned: Iterable[str]) -> None:
 
 
 def drop_others_of_merged(layout: Layout) -> None:
-    """Remove these copies at the end of a build."""
     remove_tree(str(_others_of_merged(layout).folder))
 
 
@@ -619,9 +599,9 @@ def removed_folders(prefix: Path) -> int:
 
 
 def make_writable(folders: Iterable[str]) -> dict[str, int]:
-    """Let the user change the entries of his folders; return the modes of those that did not allow it.
+    """Let the user change the entries of his folders, which packages may install without write permission.
 
-    Packages may install folders without write permission.
+    Return the modes of those that did not allow it.
     """
     modes: dict[str, int] = {}
     for folder in sorted({*folders}):  # parents first

@@ -77,7 +77,6 @@ _AT_BEGIN = ("base", "shape", "needs", "sources", "began", "externals")
 
 
 def add_commands(build: Path, commands: ObservedCommands) -> None:
-    """Record the accesses of the steps after they have ended, successful or not."""
     _append(build, {"commands": encode_commands(commands)})
 
 
@@ -88,7 +87,6 @@ def complete_record(
     generated: str,
     products: Mapping[str, str],
 ) -> None:
-    """Record that the build succeeded."""
     data = {"externals": externals, "saved": sorted(saved), "generated": generated, "products": products}
     _append(build, {**data, "complete": True})
 
@@ -126,7 +124,7 @@ def _record(path: Path, *_state_of_file: int) -> FolderRecord | None:
             **{
                 **data,
                 "needs": dict(data["needs"]),
-                "sources": _manifest(data["sources"]),
+                "sources": {path: FileState(*state) for path, state in data["sources"].items()},
                 "externals": data["externals"] and dict(data["externals"]),
                 "dropped": frozenset(data["dropped"]),
                 "commands": decode_commands(data["commands"]) if "commands" in data else NOT_OBSERVED,
@@ -135,7 +133,3 @@ def _record(path: Path, *_state_of_file: int) -> FolderRecord | None:
         )
     except (OSError, *_INVALID):
         return None
-
-
-def _manifest(data: Mapping[str, tuple[str, str]]) -> Manifest:
-    return {path: FileState(stats, content) for path, (stats, content) in data.items()}

@@ -56,7 +56,6 @@ def decide(
     seen: ObservedCommands,
     exists: Callable[[str], bool] = os.path.lexists,
 ) -> Decision:
-    """Return how much of a build folder can be reused after its sources or dependencies changed."""
     if not changes:
         return Decision(Reuse.EVERYTHING)
     if graph.tool != "ninja" or graph.has_dyndeps or seen.configure is None or seen.configure.blind:
@@ -87,13 +86,10 @@ def affected_outputs(graph: NativeGraph, changes: Changes, seen: ObservedCommand
     Outputs made from the latter are made again, too: the native tool does not notice an output that a command
     writes later than declared, as ExternalProject does.
     """
-    unknown = {output for edge in graph.edges if not is_known(edge, seen) for output in edge.outputs}
-    users, waiting = graph.users(), [*unknown]
-    while waiting:
-        outputs = {output for edge in users.get(waiting.pop(), ()) for output in edge.outputs}
-        waiting += outputs - unknown
-        unknown |= outputs
-    return frozenset(unknown).union(
+    unknown = graph.with_made_from(
+        {output for edge in graph.edges if not is_known(edge, seen) for output in edge.outputs}
+    )
+    return unknown.union(
         output
         for edge in graph.edges
         if unknown.isdisjoint(edge.outputs)

@@ -1,35 +1,25 @@
-"""Take a snapshot of the sources and installed files before a build, and name the changes since the last.
-
-The digests of the journal show that something changed. The names of the changed files come from the records
-of the build folders, since the file table only covers changes since the last run of forge.
-"""
+"""Take a snapshot of the sources and installed files before a build."""
 
 from __future__ import annotations
 
-import os
 from functools import cache
 from typing import TYPE_CHECKING
 
+from forge.base.extensions import OPTIONS, own_plugin
 from forge.build.inputs.fingerprints import (
-    DIR_LISTING_SUFFIX,
-    Changes,
     FileTable,
-    Manifest,
-    compare,
-    content_differs,
     contents_of,
     digest_of,
     fingerprint_files,
     fingerprint_tree,
     stamp_inputs,
 )
-from forge.build.installed_states import InstalledStates
-from forge.build.model import BuildRecord, Snapshot
-from forge.build.up_to_date import UNKNOWN_INSTALLED, UNKNOWN_SOURCES, InputChange, InputKind
-from forge.engine.world import KIND, LIBRARY, MODULES, OUTPUT, PACKAGE_FOUND, PROCESSOR, PROGRAM, VARIABLE
+from forge.build.installed_lists import InstalledStates
+from forge.build.model import Snapshot
+from forge.build.up_to_date import UNKNOWN_EXTERNAL, InputChange, InputKind
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Mapping
+    from collections.abc import Collection
     from pathlib import Path
 
     from forge.base.layout import Layout
@@ -38,28 +28,17 @@ if TYPE_CHECKING:
     from forge.workspace.model import Package
 
 
-_MISSING = "missing"
-_QUESTIONS = (
-    (InputKind.VARIABLE, "environment variable", VARIABLE),
-    (InputKind.TOOL, "tool", PROGRAM),
-    (InputKind.OUTSIDE, "position in LD_LIBRARY_PATH of the library", LIBRARY),
-    (InputKind.OTHER, "location of the package", PACKAGE_FOUND),
-    (InputKind.OTHER, "processor", PROCESSOR),
-    (InputKind.OUTSIDE, "kind, mode or size of", KIND),
-    (InputKind.OUTSIDE, "existence of the output", OUTPUT),
-    (InputKind.OTHER, "location of a Python module", MODULES),
-)
-UNKNOWN_EXTERNAL = "a file outside of the package that its last build read has changed"
-
-
 def take_snapshot(
     root: Path, packages: Collection[Package], layout: Layout, journal: Journal, table: FileTable
 ) -> Snapshot:
-    """Return the state of `packages`, whose paths are relative to `root` unless they are absolute."""
+    """Return the state of `packages`, whose paths are relative to `root` unless they are absolute.
+
+    The plugin `explain` names what has changed.
+    """
     records = dict(journal.records)
     sources, installed, source_changes, installed_changes, present = {}, {}, {}, {}, set()
     changed_externals = find_changed_externals(journal, table)
-    recent = recently_changed(table)
+    recent = tuple(path for path, before in table.changed_files.items() if before is not None)
     states = InstalledStates(layout.build)
 
     @cache
@@ -73,31 +52,29 @@ def take_snapshot(
         name = package.name
         record = records.get(name)
         home = str(root / package.path)
-        recorded_sources = record.sources if record else None
-        sources[name], manifest = fingerprint_tree(home, table, recorded_sources)
+        sources[name], manifest = fingerprint_tree(home, table, record.sources if record else None)
         if record:
-            if sources[name].digest != record.sources.digest:
-                source_changes[name] = changed_sources(home, manifest, last_record(name), table)
+            if sources[name].digest != record.sources.digest and (naming := own_plugin(OPTIONS, "changes")):
+                source_changes[name] = naming.changed_sources(home, manifest, last_record(name), table)
             paths = (*record.files, *record.folders)
             installed[name], _ = fingerprint_files(paths, table, record.installed)
-            if installed[name].digest != record.installed.digest:
+            if installed[name].digest != record.installed.digest and (
+                naming := own_plugin(OPTIONS, "changes")
+            ):
                 then = states.contents(name, record.installed.digest)
                 of_sources = source_changes.get(name, "")
-                installed_changes[name] = changed_installed_files(record, then, table, root, of_sources)
+                installed_changes[name] = naming.changed_installed_files(
+                    record, then, table, root, of_sources
+                )
         if (layout.prefix(name) / "share" / name / "package.sh").is_file():
             present.add(name)
-    externals = {
-        name: changed_external_files(last_record(name), records[name], table, root, recent)
-        for name in changed_externals
-    }
+    externals = dict.fromkeys(changed_externals, InputChange(InputKind.OUTSIDE, UNKNOWN_EXTERNAL))
+    if changed_externals and (naming := own_plugin(OPTIONS, "changes")):
+        for name in changed_externals:
+            last = last_record(name)
+            externals[name] = naming.changed_external_files(last, records[name], table, root, recent)
     return Snapshot(
-        records,
-        sources,
-        installed,
-        externals,
-        frozenset(present),
-        source_changes,
-        installed_changes,
+        records, sources, installed, externals, frozenset(present), source_changes, installed_changes
     )
 
 
@@ -110,123 +87,10 @@ def find_changed_externals(journal: Journal, table: FileTable) -> tuple[str, ...
     table.changed_files.clear()
     if journal.stamp and stamp_inputs(paths, table) == journal.stamp:
         return ()
-    journal.clear_stamp()
+    journal.stamp = ""
     contents = contents_of(paths, table)
     return tuple(
         name
         for name, record in journal.records.items()
         if record.external and digest_of(record.externals, contents) != record.external
     )
-
-
-def changed_sources(home: str, now: Manifest, last: FolderRecord | None, table: FileTable) -> str:
-    """Return which sources of a package below `home` changed since its last build, if that is known."""
-    if last is None:
-        recent = frozenset(path for path in recently_changed(table) if path.startswith(f"{home}/"))
-        changes = Changes(modified=recent)
-    else:
-        changes = compare(last.sources, now, content_differs)
-    return described(changes, lambda path: path.removeprefix(f"{home}/")) or UNKNOWN_SOURCES
-
-
-def recently_changed(table: FileTable) -> tuple[str, ...]:
-    """Return the files with a new digest, except those that were not in the table."""
-    return tuple(path for path, before in table.changed_files.items() if before is not None)
-
-
-def changed_installed_files(
-    record: BuildRecord, then: Mapping[str, str] | None, table: FileTable, root: Path, sources: str
-) -> str:
-    """Return which installed files differ from those of the last build, whose contents were `then`.
-
-    A changed source also changes links to it: then `sources`, the change of the package's sources, is the
-    reason.
-    """
-    paths = (*record.files, *record.folders)
-    now = contents_of(paths, table)
-    if then is None or not all(path in then for path in paths):
-        gone = frozenset(path for path in paths if not os.path.lexists(path))
-        return described(Changes(removed=gone), _from(root)) or UNKNOWN_INSTALLED
-    changed = {path for path in paths if then[path] != now[path]}
-    linked = {path for path in changed if _leads_as_before(path, then[path])}
-    if linked == changed and sources:
-        return sources
-    changed = {os.path.realpath(path) if path in linked else path for path in changed}
-    gone = frozenset(path for path in changed if not os.path.lexists(path))
-    return described(Changes(removed=gone, modified=frozenset(changed) - gone), _from(root))
-
-
-def changed_external_files(
-    last: FolderRecord | None, record: BuildRecord, table: FileTable, root: Path, recent: Iterable[str]
-) -> InputChange:
-    """Return which files outside the package changed; `recent` are files that are known to have changed."""
-    now = contents_of(record.externals, table)
-    then = last.externals if last else None
-    if then is not None:
-        before = {path: then[path] for path in record.externals if path in then}
-        changed = {path for path in before if before[path] != now[path]}
-    else:
-        before = {}
-        gone = {path for path in record.externals if now[path] == _MISSING}
-        changed = gone or {*record.externals}.intersection(recent)
-    if questions := [each for each in changed if not each.startswith("/")]:
-        return _changed_answers(questions, before)
-    inside = bool(changed) and all(path.startswith(f"{root}/") for path in changed)
-    kind = InputKind.OWN if inside else InputKind.OUTSIDE
-    files = sorted(path for path in changed if not path.endswith(DIR_LISTING_SUFFIX))
-    if not files:
-        shown = _from(root)
-        folders = [shown(path.removesuffix(DIR_LISTING_SUFFIX)) for path in sorted(changed)]
-        if not folders:
-            return InputChange(kind, UNKNOWN_EXTERNAL)
-        if before and all(
-            before[path].rpartition(" ")[2] == now[path].rpartition(" ")[2] for path in changed
-        ):
-            return InputChange(kind, f"the permissions of {_named(folders)} changed")
-        return InputChange(kind, f"files were added to or removed from {_named(folders)}")
-    added = frozenset(path for path in files if before.get(path) == _MISSING)
-    removed = frozenset(path for path in files if now[path] == _MISSING)
-    text = described(Changes(added, removed, frozenset(files) - added - removed), _from(root))
-    return InputChange(kind, text if inside else f"the external input {text}")
-
-
-def _changed_answers(questions: Collection[str], before: Mapping[str, str]) -> InputChange:
-    """Return how answers about the environment changed; `before` contains the previous ones."""
-    kind, what, start = next(
-        row for row in _QUESTIONS if any(question.startswith(row[-1]) for question in questions)
-    )
-    if start == MODULES:
-        return InputChange(kind, "Python finds different modules than in the last build")
-    names = {each.removeprefix(start): each for each in sorted(questions) if each.startswith(start)}
-    added = frozenset(name for name, question in names.items() if before.get(question) == "")
-    first = "".join(f" '{name}'" for name in [*names][:1] if name)
-    return InputChange(kind, f"the {what}{first} changed", tuple(names), added)
-
-
-def described(changes: Changes, shown: Callable[[str], str]) -> str:
-    """Return the changes as a sentence, '' for none; folders are only named without files."""
-    parts = []
-    for paths, verb in ((changes.modified, ""), (changes.added, "added"), (changes.removed, "removed")):
-        files = sorted(path for path in paths if not path.endswith("/")) or sorted(paths)
-        if files:
-            were = f"{'was' if len(files) == 1 else 'were'} {verb}" if verb else "changed"
-            parts.append(f"{_named([shown(path) for path in files])} {were}")
-    return ", ".join(parts)
-
-
-def _named(names: list[str]) -> str:
-    rest = f" and {len(names) - 1} more" if len(names) > 1 else ""
-    return f"'{names[0]}'{rest}"
-
-
-def _from(root: Path) -> Callable[[str], str]:
-    """Return a function that shows paths in the workspace relative to its root."""
-    return lambda path: path.removeprefix(f"{root}/")
-
-
-def _leads_as_before(path: str, content: str) -> bool:
-    """Return whether a path was and is a link to the same file, so that the target must have changed."""
-    try:
-        return content.startswith(f"link {os.readlink(path)} ")  # noqa: PTH115
-    except OSError:
-        return False

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from forge.base.errors import Problem
-from forge.base.extensions import OPTIONS, find, is_installed
+from forge.base.extensions import OPTIONS, own_plugin
 from forge.base.files import (
     BYTECODE,
     DRAFT,
@@ -40,10 +40,10 @@ from forge.build.installation import InstalledFiles
 from forge.build.installed_lists import (
     MANIFESTS,
     InstalledList,
+    add_files,
     edited,
     folders_above,
     identity_now,
-    list_file,
     listed_files,
     read_installed_list,
 )
@@ -97,13 +97,12 @@ def forget_sources(task: Task) -> None:
 
 
 def keep_linked(task: Task, layout: Layout, removed: Collection[str] | None) -> None:
-    """Keep the files in the build folder that installed links lead to; `removed` (None: all) are about to go.
+    """Copy files of the build folder that installed links lead to and that are to be `removed` (None: all).
 
     Otherwise the last build could not be used until this one succeeds, or at all if it fails.
     """
     listed = read_installed_list(task.name, layout) or InstalledList({})
     below = f"-> {task.build_dir}/"
-    skip = len(str(layout.install)) + 1
     kept: dict[str, str] = {}
     for path, identity in listed.files.items():
         target = identity.removeprefix("-> ")
@@ -119,11 +118,9 @@ def keep_linked(task: Task, layout: Layout, removed: Collection[str] | None) -> 
                 except OSError:  # perhaps on another file system
                     shutil.copy2(target, draft)
                 os.replace(draft, path)
-                kept[path[skip:]] = identity_now(path)
+                kept[path] = identity_now(path)
     if kept:
-        file = list_file(task.name, layout)
-        data = json.loads(file.read_bytes())
-        replace_file(file, json.dumps({**data, "files": {**data["files"], **kept}}).encode())
+        add_files(task.name, layout, kept)
         forget_sources(task)
 
 
@@ -239,8 +236,7 @@ def next_install(step: Step, task: Task) -> Step:
     scratch, notes = task.build_dir / SCRATCH_DIR, read_json(_notes_file(task.build_dir))
     now: dict[str, Any] = {"scripts": digest("", *map("=".join, step.env)), "code": not step.prefix}
     code = None
-    if step.argv[1:2] == ("--install",) and is_installed(OPTIONS, "partial-install"):
-        plugin = find(OPTIONS, "partial-install", "option")
+    if step.argv[1:2] == ("--install",) and (plugin := own_plugin(OPTIONS, "partial-install")):
         now, code = plugin.partial_install(task.build_dir, step.env, notes if step.stage else {})
     scratch.mkdir(parents=True, exist_ok=True)
     replace_file(scratch / _NEXT, json.dumps({**now, "partial": code is not None}).encode())
@@ -283,7 +279,12 @@ def commit(task: Task, layout: Layout) -> tuple[InstalledFiles, tuple[Problem, .
     changing = (folder for path in stale | now for folder in folders_above(path, str(task.prefix)))
     modes = make_writable(changing)
     problems = remove_stale(task, layout, stale) if stale else ()
-    _announce(task, layout, (path for path, _ in files))
+    # After a kill, new files are known to belong to the package.
+    listed = read_installed_list(task.name, layout) or InstalledList({})
+    targets = {_target(task, path): path for path, _ in files}
+    new = {target: identity_now(path) for target, path in targets.items() if target not in listed.files}
+    if new:
+        add_files(task.name, layout, new)
     for folder in _folders(task, files, empty):
         source = f"{task.stage}{folder[len(str(task.prefix)) :]}"
         modes[folder] = mode = stat.S_IMODE(os.lstat(source).st_mode)
@@ -306,20 +307,6 @@ def commit(task: Task, layout: Layout) -> tuple[InstalledFiles, tuple[Problem, .
             lines = "\n".join(_target(task, path) for path in listed_paths(manifest))
             replace_file(manifest, lines.encode(errors="surrogateescape"))
     return installed, problems
-
-
-def _announce(task: Task, layout: Layout, staged_files: Iterable[str]) -> None:
-    """Add new files to the list of the package before they appear.
-
-    After a kill they are known to belong to it.
-    """
-    file = list_file(task.name, layout)
-    data = json.loads(file.read_bytes())
-    skip = len(str(layout.install)) + 1
-    new = {_target(task, path)[skip:]: path for path in staged_files}
-    added = {target: identity_now(path) for target, path in new.items() if target not in data["files"]}
-    if added:
-        replace_file(file, json.dumps({**data, "files": {**data["files"], **added}}).encode())
 
 
 def remove_stale(
@@ -346,7 +333,6 @@ def remove_stale(
 
 
 def remove_other_stale(task: Task, layout: Layout, installed: InstalledFiles) -> tuple[Problem, ...]:
-    """Remove files that neither the steps nor forge install any longer."""
     listed = read_installed_list(task.name, layout) or InstalledList({})
     stale = listed.files.keys() - listed.unclaimed - {*installed.files}
     return remove_stale(task, layout, stale, installed.folders)
@@ -355,7 +341,7 @@ def remove_other_stale(task: Task, layout: Layout, installed: InstalledFiles) ->
 def note_installed(task: Task, installed: InstalledFiles, *, observed: bool) -> None:
     """Record the files that the install step installed, and their sources, for the next build.
 
-    Incompletely observed steps are not run in a stage the next time.
+    After incompletely observed steps, it does not run in a stage.
     """
     following, notes = task.build_dir / SCRATCH_DIR / _NEXT, _notes_file(task.build_dir)
     data = read_json(following)
@@ -374,7 +360,6 @@ def note_installed(task: Task, installed: InstalledFiles, *, observed: bool) -> 
 
 
 def _notes_file(build: Path) -> Path:
-    """Return the file that records the installed files of the install step, and their sources."""
     return build.parent / INSTALLED_STATES_DIR / build.name / "install_step"
 
 

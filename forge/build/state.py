@@ -1,4 +1,4 @@
-"""The state of a workspace during a build: journal, file table and dependency hashes, kept consistent.
+"""The state of a workspace during a build: journal, file table, dependency hashes and setup scripts.
 
 Owned by the build loop. Worker threads only read it, through forge.execution.task_setup.
 """
@@ -8,18 +8,21 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from forge.base.extensions import OPTIONS, find, is_installed
+from forge.base.distributions import VARIABLE
+from forge.base.extensions import OPTIONS, own_plugin
 from forge.base.files import remove_drafts
 from forge.base.layout import FILE_TABLE, Layout
 from forge.build.events import Event, Finished, Fresh
 from forge.build.file_conflicts import MergedPrefix
-from forge.build.inputs.fingerprints import FileTable, contents_of, digest_of, stamp_inputs
-from forge.build.installed_states import InstalledStates
-from forge.build.journal import open_journal
+from forge.build.folder_marks import workspace_scripts
+from forge.build.inputs.fingerprints import FileTable, contents_of, digest_of, stamp_files, stamp_inputs
+from forge.build.installed_lists import InstalledStates
+from forge.build.journal import Journal, open_journal
 from forge.build.snapshot import find_changed_externals
 from forge.build.up_to_date import UNKNOWN, DependencyHashes, changed_input
-from forge.build.workspace_scripts import WorkspaceScripts
 from forge.engine.world import World
+from forge.environment.install_state import recorded_overlays, recorded_state
+from forge.environment.prefixes import PACKAGES, find_underlays
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -28,6 +31,66 @@ if TYPE_CHECKING:
     from forge.build.model import Snapshot
     from forge.build.tasks import BuildPlan, Task
     from forge.toolchain.interpreter import Interpreter
+
+
+_HOOKS = (".dsv", ".sh", ".bash", ".zsh", ".fish")
+
+
+class WorkspaceScripts:
+    """The setup scripts of the workspace, and the packages whose contribution may have changed."""
+
+    def __init__(self, layout: Layout, journal: Journal, table: FileTable) -> None:
+        """Start without changes, except those of a killed build."""
+        self._layout = layout
+        self._journal = journal
+        self._table = table
+        self._unfinished = not journal.ended
+        self._changing: dict[str, str] = {}
+        """Packages whose contribution may change, with the previous digest."""
+
+    def begin(self, name: str, files: tuple[str, ...]) -> None:
+        """Note the contribution of a package with these installed `files` before it is built."""
+        self._changing[name] = self._digest(name, files)
+
+    def end(self, name: str, files: tuple[str, ...]) -> None:
+        """Compare the contribution of a package after its build."""
+        if self._changing[name] == self._digest(name, files):
+            del self._changing[name]
+
+    def remove(self, name: str) -> None:
+        self._changing[name] = ""
+
+    def write(self, python: Path, variables: Mapping[str, str], *, built: bool) -> None:
+        """Write the scripts if they may have changed; `built` is True if this build built anything."""
+        install = self._layout.install
+        scripts = workspace_scripts(install)
+        untouched = self._journal.scripts == stamp_files(scripts)
+        is_recorded = recorded_state(install).rosdistro == variables[VARIABLE] and not recorded_overlays(
+            install
+        )
+        if not built and untouched and is_recorded and not self._unfinished:
+            return
+        from forge.build.installation import finish_workspace
+        from forge.build.prefix import tidy
+
+        chain = find_underlays(variables, install).chain
+        unchanged = untouched and not self._changing and not self._unfinished
+        finish_workspace(self._layout, chain, python, variables[VARIABLE], unchanged=unchanged)
+        tidy(self._layout)
+        self._journal.note("ended", True)
+        self._journal.note("scripts", stamp_files(scripts))
+
+    def _digest(self, name: str, files: tuple[str, ...]) -> str:
+        """Return a digest of a package's contribution to the workspace's scripts; '' if it has no files.
+
+        The digested package.* scripts already reflect all hooks and existing folders.
+        """
+        prefix = self._layout.prefix(name)
+        share, index = f"{prefix}/share/{name}/", f"{prefix}/{PACKAGES}/{name}"
+        listed = [
+            path for path in files if path == index or (path.startswith(share) and path.endswith(_HOOKS))
+        ]
+        return digest_of(listed, contents_of(listed, self._table)) if listed else ""
 
 
 class BuildState:
@@ -108,12 +171,9 @@ class BuildState:
             return decided
         if changed_input(decided.inputs, record.inputs) is None:
             return None
-        if not is_installed(OPTIONS, "library-abi"):
-            return decided
-        records = self.journal.records
+        plugin, records = own_plugin(OPTIONS, "library-abi"), self.journal.records
         needs = {need: records[need].installed.digest if need in records else UNKNOWN for need in task.needs}
-        plugin = find(OPTIONS, "library-abi", "option")
-        if not plugin.relinking_is_redundant(decided, record, needs, self.installed_states):
+        if not plugin or not plugin.relinking_is_redundant(decided, record, needs, self.installed_states):
             return decided
         self.journal.set_record(task.name, replace(record, inputs=decided.inputs))
         return None
@@ -132,19 +192,11 @@ class BuildState:
             case _:
                 pass
 
-    def record_trees(self, trees: Mapping[str, str]) -> None:
-        """Record the tree digests of installed packages whose records lack one."""
-        for name, tree in trees.items():
-            record = self.journal.records[name]
-            if not record.tree:
-                self.journal.set_record(name, replace(record, tree=tree))
-
     def seconds(self) -> dict[str, float]:
-        """Return the duration of each package's last build in seconds."""
+        """Return the duration of each last build."""
         return {name: record.seconds for name, record in self.journal.records.items() if record.seconds}
 
     def source(self, task: Task) -> Path:
-        """Return the absolute source folder of a task's package."""
         return self.root / task.package.path
 
     def finish(self, plan: BuildPlan, variables: Mapping[str, str]) -> None:
@@ -156,12 +208,12 @@ class BuildState:
         self.scripts.write(self._interpreter.path, variables, built=self._ran or bool(plan.tasks))
         if self._ran:
             self.is_final = not self.merged_prefix.refresh_stamps(plan, self.table)
-            self.journal.clear_stamp()
+            self.journal.stamp = ""
         if not self.journal.stamp:
             # Take the stamp first, so that the next build detects any later change.
             stamp = stamp_inputs(self.journal.externals, self.table)
             if not find_changed_externals(self.journal, self.table):
-                self.journal.set_stamp(stamp)
+                self.journal.note("stamp", stamp)
 
     def close(self) -> None:
         """Close the journal and save the file table; a dry run may have no folder for them."""

@@ -88,7 +88,6 @@ class Step:
 
     @property
     def label(self) -> str:
-        """Return the name of the step in messages and logs."""
         return f"{self.kind.value} '{self.target}'" if self.target else self.kind.value
 
     def meaning(self, code: int) -> str | None:
@@ -138,7 +137,6 @@ class Task:
 
     @property
     def embedded(self) -> bool:
-        """Return True if the package is embedded in forge."""
         return self.package.embedded
 
 

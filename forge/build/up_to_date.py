@@ -12,11 +12,11 @@ import enum
 import hashlib
 from typing import TYPE_CHECKING
 
-from forge.base.cmake_syntax import cmake_arguments
+from forge.base.extensions import OPTIONS, own_plugin
 from forge.base.frozen import Pairs, frozen
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Mapping
 
     from forge.build.model import BuildInputs, BuildRecord, Snapshot
 
@@ -66,6 +66,7 @@ class DependencyHashes:
 
 UNKNOWN_SOURCES = "its sources changed"
 UNKNOWN_INSTALLED = "an installed file was changed or removed"
+UNKNOWN_EXTERNAL = "a file outside of the package that its last build read has changed"
 """The reasons if the changed files are unknown."""
 
 
@@ -100,7 +101,6 @@ class InputChange:
 def reason_to_build(
     name: str, now: BuildInputs, record: BuildRecord | None, snapshot: Snapshot
 ) -> InputChange | None:
-    """Return why a package must be built, or None."""
     if record is None:
         return InputChange(InputKind.OWN, "not built yet")
     if not record.complete:
@@ -124,12 +124,16 @@ def changed_input(
 ) -> InputChange | None:
     """Return the most significant difference between current and recorded inputs, or None."""
     if now.forge != then.forge:
-        return InputChange(InputKind.FORGE, _forge_change(now.forge, then.forge))
+        naming = own_plugin(OPTIONS, "changes")
+        text = naming.forge_change(now.forge, then.forge) if naming else "forge itself changed"
+        return InputChange(InputKind.FORGE, text)
     change = _changed_pairs(InputKind.TOOL, now.tools, then.tools)
     if change := change or _changed_pairs(InputKind.VARIABLE, now.environment, then.environment):
         return change
     if now.options != then.options:
-        return _changed_options(now.options, then.options)
+        naming = own_plugin(OPTIONS, "changes")
+        unknown = InputChange(InputKind.OPTION, "the options changed")
+        return naming.changed_options(now.options, then.options) if naming else unknown
     text = None
     if now.sources != then.sources:
         text = source_changes
@@ -155,50 +159,6 @@ def _changed_pairs(kind: InputKind, now: Pairs, then: Pairs) -> InputChange | No
     return InputChange(kind, text, names, frozenset(names) - dict(then).keys())
 
 
-def _forge_change(now: str, then: str) -> str:
-    """Describe how forge changed; stamps have the parts of `forge.cli.preparation.forge_stamp`."""
-    match then.split("\n"), now.split("\n"):
-        case [old, _, _, _], [new, _, _, _] if old != new:
-            return f"forge changed from version {old} to {new}"
-        case [_, _, old, old_folder], [_, _, new, folder] if (old, old_folder) != (new, folder):
-            return f"forge now runs in '{folder}' with Python {new}, not in '{old_folder}' with Python {old}"
-        case _:
-            return "forge itself changed"
-
-
-def _changed_options(now: Sequence[str], then: Sequence[str]) -> InputChange:
-    """Describe the differences between options in the user's terms."""
-    before, after = (
-        [" ".join(argument.words) for argument in cmake_arguments(options[len(COMMON_OPTIONS) :])]
-        for options in (then, now)
-    )
-    added = [option for option in after if option not in before]
-    removed = [option for option in before if option not in after]
-    digested = next((option for option in (*added, *removed) if option.startswith(_DIGESTED)), None)
-    added, removed = (
-        [option for option in options if not option.startswith(_DIGESTED)] for options in (added, removed)
-    )
-    for one, other in ((added, removed), (removed, added)):
-        if FAST_ROSIDL in one:  # recorded if the user gave no option
-            one.remove(FAST_ROSIDL)
-            other.append("--no-fast-rosidl")
-            break
-    if not (added or removed):
-        text = f"{digested.rpartition(' ')[0]} changed" if digested else "the order of its options changed"
-        return InputChange(InputKind.OTHER if digested else InputKind.OPTION, text)
-    if added and removed and added[0].startswith(ROSDISTRO) and removed[0].startswith(ROSDISTRO):
-        old, new = removed[0].removeprefix(ROSDISTRO), added[0].removeprefix(ROSDISTRO)
-        return InputChange(InputKind.OTHER, f"the ROS distribution changed from '{old}' to '{new}'")
-    replaced = {option.partition("=")[0] for option in added}
-    names = (*added, *(f"{each} (removed)" for each in removed if each.partition("=")[0] not in replaced))
-    first = (added or removed)[0]
-    values = {option.partition("=")[0]: option for option in removed if "=" in option}
-    if old_value := values.get(first.partition("=")[0]) if added else None:
-        return InputChange(InputKind.OPTION, f"the option '{old_value}' changed to '{first}'", names)
-    verb = "added" if added else "removed"
-    return InputChange(InputKind.OPTION, f"the option '{first}' was {verb}", names)
-
-
 COMMON_OPTIONS = (
     *("install layout", "source folder", "build folder", "install folder"),
     *("Python interpreter", "folder of Python modules"),
@@ -211,5 +171,3 @@ FAST_ROSIDL = "fast rosidl"
 
 MANIFEST, BUILD_TYPE = "the evaluated package.xml", "the build type "
 RECIPE = "the recipe "
-_DIGESTED = "the "
-"""The beginning of recorded options that end with a digest: these, and toolchains of build types."""

@@ -14,7 +14,7 @@ from forge.base.errors import WorkspaceError, raise_if_any
 from forge.base.extensions import OPTIONS, find, own_plugin
 from forge.base.layout import MEMORY_FILE, OWN_CACHE_DIR, PROGRAMS_DIR
 from forge.build.events import Event
-from forge.build.recipes.extensions import active_extensions
+from forge.build.recipes.context import active_extensions
 from forge.build.state import BuildState
 from forge.build.tasks import BuildPlan
 from forge.cli.preparation import PreparedBuild

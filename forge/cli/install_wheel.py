@@ -8,8 +8,7 @@ from collections.abc import Sequence
 
 from forge.base.errors import ForgeError, print_problem, print_warnings, problems_of
 from forge.base.files import naming
-from forge.build.wheels.backends import WheelInstall
-from forge.build.wheels.install_wheel import install_wheel
+from forge.build.wheels.install_wheel import WheelInstall, install_wheel
 from forge.cli.options import add_options, read_options
 
 

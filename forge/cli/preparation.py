@@ -37,7 +37,6 @@ from forge.build.build_types import leave_out, with_toolchains
 from forge.build.inputs.fingerprints import digest_strings, source_files, stamp_files
 from forge.build.journal import open_journal
 from forge.build.model import BuildInputs, Fingerprint, Snapshot
-from forge.build.preflight import path_problems, variable_length_problems
 from forge.build.recipes.cmake import FLAGS, unfit_generator
 from forge.build.recipes.context import BuildContext
 from forge.build.snapshot import take_snapshot
@@ -193,7 +192,9 @@ def prepare(options: BuildOptions, layout: Layout, mode: BuildMode) -> PreparedB
         raise_if_any(output_problems(loaded, layout, ()), WorkspaceError)
         require_packages(loaded)
     python = any("python" in loaded.packages[name].build_type for name in names)
-    problems += path_problems((loaded.workspace.root, layout.build, layout.install), python=python)
+    problems += folder_marks.path_problems(
+        (loaded.workspace.root, layout.build, layout.install), python=python
+    )
     bases = {"--test-result-base": options.test_result_base, "--cache": options.cache.cache}
     problems += output_problems(loaded, layout, names, bases)
     raise_if_any(problems, WorkspaceError)
@@ -313,10 +314,13 @@ def make_plan(build: PreparedBuild, state: BuildState) -> tuple[BuildPlan, Snaps
 def check_plan(plan: BuildPlan, build: PreparedBuild) -> None:
     """Raise WorkspaceError for problems of the plan that would make tasks fail or hang; print warnings."""
     context, warn = build.context, build.mode.warn
-    errors, warnings = variable_length_problems(
-        plan, build.loaded.resolution.packages, context.layout, context.site_packages, build.variables
-    )
-    warn(warnings)
+    errors: tuple[Problem, ...] = ()
+    if advice := own_plugin(OPTIONS, "advice-preflight"):
+        packages, site = build.loaded.resolution.packages, context.site_packages
+        errors, warnings = advice.variable_length_problems(
+            plan, packages, context.layout, site, build.variables
+        )
+        warn(warnings)
     own = [task.package for task in plan.tasks.values() if not task.embedded]
     generators = (unfit_generator(each, context) for each in own if each.build_type in CMAKE_TYPES)
     raise_if_any((*islice(filter(None, generators), 1), *errors), WorkspaceError)

@@ -15,15 +15,16 @@ from forge.base.frozen import Pairs, frozen
 from forge.base.layout import TOOLCHAIN_DIR, Layout
 from forge.build import installation, staging
 from forge.build.build_dir import (
+    defer_build,
     generated_digest,
     last_record,
     observed_commands,
     prepare_build_dir,
     products_of,
     saved_during_build,
+    tests_need_build,
 )
 from forge.build.build_types import build_type_of
-from forge.build.deferred import defer_build, tests_need_build
 from forge.build.inputs.fingerprints import (
     contents_of,
     digest_of,

@@ -19,13 +19,12 @@ from forge.base.files import text_or_nothing
 from forge.base.graph import closures, ordered_names
 from forge.base.layout import BUILD_RESULT, PACKAGE_LOCK, TEST_SCRATCH_DIR, Layout
 from forge.base.text import listed, quoted_names
+from forge.build.build_dir import read_deferred, tests_need_build
 from forge.build.build_types import build_type_of, by_toolchain, unknown_types
-from forge.build.deferred import read_deferred, tests_need_build
 from forge.build.journal import open_journal
 from forge.build.tasks import BuildPlan, Task
-from forge.build.tests.detection import requirements_of_tests
 from forge.build.tests.options import TestOptions
-from forge.build.tests.recipes import TestContext, framework
+from forge.build.tests.recipes import TestContext, framework, requirements_of_tests
 from forge.environment.install_state import recorded_python
 from forge.environment.prefixes import PACKAGES, find_underlays, provider
 from forge.toolchain.cmake_variables import was_built_without_tests

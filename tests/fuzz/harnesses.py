@@ -20,14 +20,12 @@ from forge.base.layout import Layout
 from forge.build.build_dir import last_record, prepare_build_dir
 from forge.build.inputs.fingerprints import FileTable
 from forge.build.inputs.native_graph import read_native_graph, reported_inputs
-from forge.build.installed_lists import listed_files
-from forge.build.installed_states import InstalledStates
+from forge.build.installed_lists import InstalledStates, listed_files
 from forge.build.journal import Journal
 from forge.build.recipes.initial_cache import manifest_variables
 from forge.build.records import FolderRecord
 from forge.build.snapshot import find_changed_externals
-from forge.build.wheels.backends import build_system
-from forge.build.wheels.install_wheel import setup_cfg_option
+from forge.build.wheels.install_wheel import build_system, setup_cfg_option
 from forge.cli.config import configured
 from forge.cli.main import Parser
 from forge.environment import sourcing

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from forge.build.preflight import path_problems
+from forge.build.folder_marks import path_problems
 from tests.e2e.test_scale import surroundings
 from tests.packages import manifest_text
 

@@ -74,7 +74,6 @@ class Changes:
 
     @property
     def all(self) -> frozenset[str]:
-        """All paths that changed in any way."""
         return self.added | self.removed | self.modified
 
     @property
@@ -147,7 +146,6 @@ class FileTable:
         self._changed = True
 
     def save(self) -> None:
-        """Write the table if it has changed."""
         if self._changed and self._known is not None:
             own = {path: ("", self._known[path][1]) for path in self._own_files}
             data = {"version": VERSION, "files": {**self._known, **own}}
@@ -174,7 +172,7 @@ def fingerprint_tree(
     """
     started, cut = time.time_ns(), len(root) + 1
     entries = [(path, status, _stats(path, status)) for path, status, _ in _walk(root)]
-    lines = "".join(f"{path[cut:]}\0{stats}\n" for path, _, stats in entries)
+    stats_text = "".join(f"{path[cut:]}\0{stats}\n" for path, _, stats in entries)
     # A file that may be written again without a change of its times has no stamp.
     is_stable = not any(
         is_written_since(started, each)
@@ -183,7 +181,7 @@ def fingerprint_tree(
         for each in (status, stat.S_ISLNK(status.st_mode) and _status(path, follow=True))
         if each
     )
-    stamp = _digest(lines.encode(errors="surrogateescape")) if is_stable else ""
+    stamp = _digest(stats_text) if is_stable else ""
     if known is not None and stamp and known.stamp == stamp:
         return known, {}
     if stamp and root in table.trees and table.trees[root][0].stamp == stamp:
@@ -191,8 +189,8 @@ def fingerprint_tree(
     manifest = {
         path: FileState(stats, _content(path, status, table, stats)) for path, status, stats in entries
     }
-    lines = "".join(f"{path[cut:]}\0{state.content}\n" for path, state in manifest.items())
-    fingerprint = Fingerprint(stamp, _digest(lines.encode(errors="surrogateescape")))
+    contents = "".join(f"{path[cut:]}\0{state.content}\n" for path, state in manifest.items())
+    fingerprint = Fingerprint(stamp, _digest(contents))
     if stamp:
         table.trees[root] = fingerprint, manifest
     return fingerprint, manifest
@@ -201,14 +199,13 @@ def fingerprint_tree(
 def fingerprint_files(
     paths: tuple[str, ...], table: FileTable, known: Fingerprint | None = None
 ) -> tuple[Fingerprint, dict[str, str]]:
-    """Return the fingerprint of `paths` in this order, and their contents; missing files are part of it.
+    """Return the fingerprint of `paths` in this order, missing files included, and their contents.
 
     If the stamp is the `known` one, contents are neither read nor returned.
     """
     statuses = map(_status, paths)
     entries = [(path, status, _stats(path, status)) for path, status in zip(paths, statuses, strict=True)]
-    lines = "".join(f"{path}\0{stats}\n" for path, _, stats in entries)
-    stamp = _digest(lines.encode(errors="surrogateescape"))
+    stamp = _digest("".join(f"{path}\0{stats}\n" for path, _, stats in entries))
     if known is not None and known.stamp == stamp:
         table.stats[paths] = [stats for _, _, stats in entries]
         return known, {}
@@ -221,8 +218,8 @@ def fingerprint_again(
 ) -> tuple[Fingerprint, dict[str, str]] | None:
     """Return the result of `fingerprint_files`, assuming that only `written` of `paths` changed meanwhile.
 
-    `contents` are those with the fingerprint that `fingerprint_files` has confirmed before. None if it has
-    not. Whatever else was written since does not have the stats of this fingerprint.
+    `contents` are those of the fingerprint that `fingerprint_files` has confirmed before; None without it.
+    Whatever else was written since does not have the stats of this fingerprint.
     """
     if paths not in table.stats or contents is None or not all(path in contents for path in paths):
         return None
@@ -231,8 +228,8 @@ def fingerprint_again(
         status = _status(path)
         now[path] = _stats(path, status)
         updated[path] = _content(path, status, table, now[path])
-    lines = "".join(f"{path}\0{stats}\n" for path, stats in now.items())
-    return Fingerprint(_digest(lines.encode(errors="surrogateescape")), digest_of(paths, updated)), updated
+    stamp = _digest("".join(f"{path}\0{stats}\n" for path, stats in now.items()))
+    return Fingerprint(stamp, digest_of(paths, updated)), updated
 
 
 def tree_stats(root: str) -> dict[str, str]:
@@ -242,16 +239,13 @@ def tree_stats(root: str) -> dict[str, str]:
 
 def stamp_files(paths: Iterable[str]) -> str:
     """Return a stamp of the stats of `paths` and of link targets without reading files."""
-    stamp = hashlib.blake2b(digest_size=16)
-    for path in paths:
-        stamp.update(f"{path}\0{_stats(path, _status(path))}\n".encode(errors="surrogateescape"))
-    return stamp.hexdigest()
+    return _digest("".join(f"{path}\0{_stats(path, _status(path))}\n" for path in paths))
 
 
 def file_state(path: str, status: os.stat_result | None = None) -> str:
     """Return the stat of a file or folder as text, for a link also that of its target; '' if missing.
 
-    `status` is the stat of the path itself, if the caller has it.
+    `status` is that of the path itself, if the caller has it.
     """
     status = status or _status(path)
     folder = status is not None and stat.S_ISDIR(status.st_mode)
@@ -281,17 +275,14 @@ def contents_of(paths: Iterable[str], table: FileTable) -> dict[str, str]:
 
 def digest_of(paths: Iterable[str], contents: Mapping[str, str]) -> str:
     """Return one digest of `paths` and their `contents`, as returned by `contents_of`."""
-    text = "\n".join(f"{path}\0{contents[path]}" for path in paths)
-    return hashlib.blake2b(text.encode(errors="surrogateescape"), digest_size=16).hexdigest()
+    return _digest("\n".join(f"{path}\0{contents[path]}" for path in paths))
 
 
 def digest_strings(*strings: str) -> str:
-    """Return one digest of the strings in this order."""
-    return _digest("\0".join(strings).encode(errors="surrogateescape"))
+    return _digest("\0".join(strings))
 
 
 def code_digest(plugin: object) -> str:
-    """Return a digest of a plugin's code: another version may build differently."""
     module = plugin if isinstance(plugin, ModuleType) else sys.modules[type(plugin).__module__]
     file = module.__file__ or ""
     files = source_files(os.path.dirname(file)) if file.endswith("/__init__.py") else (file,)
@@ -307,7 +298,6 @@ def source_files(root: str, excluded: Collection[str] = ()) -> Iterator[str]:
 
 
 def own_files(root: str) -> Iterator[tuple[str, os.stat_result]]:
-    """Yield the regular source files below `root`, links not followed, with their stats."""
     for path, status, via_link in _walk(root):
         if not via_link and stat.S_ISREG(status.st_mode):
             yield path, status
@@ -395,8 +385,8 @@ def _stats(path: str, status: os.stat_result | None) -> str:
     return f"{_stat_text(status)} {_stat_text(target) if target else ''}"
 
 
-def _digest(text: bytes) -> str:
-    return hashlib.blake2b(text, digest_size=16).hexdigest()
+def _digest(text: str) -> str:
+    return hashlib.blake2b(text.encode(errors="surrogateescape"), digest_size=16).hexdigest()
 
 
 def _content(path: str, status: os.stat_result | None, table: FileTable, stats: str = "") -> str:
@@ -414,10 +404,15 @@ def _content(path: str, status: os.stat_result | None, table: FileTable, stats: 
         if path.endswith(DIR_LISTING_SUFFIX):
             # Commands that copy or archive a folder take its mode along.
             mode = f"{stat.S_IMODE(status.st_mode):o}"
-            return f"names {mode} {_digest(os.fsencode(chr(0).join(_listing(path))))}"
+            return f"names {mode} {_digest(chr(0).join(_listing(path)))}"
         if stat.S_ISREG(status.st_mode):
             return f"{stat.S_IMODE(status.st_mode):o} {table.digest(path, status, stats)}"
-        return _target(path, table) if stat.S_ISLNK(status.st_mode) else "special"
+        if not stat.S_ISLNK(status.st_mode):
+            return "special"
+        target, real = os.readlink(path), _status(path, follow=True)
+        if real is None or not stat.S_ISREG(real.st_mode):
+            return f"link {target}"
+        return f"link {target} {stat.S_IMODE(real.st_mode):o} {table.digest(path, real)}"
     except OSError:
         return "unreadable"
 
@@ -427,25 +422,12 @@ def _listing(folder: str) -> list[str]:
 
     Listing a folder also returns these kinds. Devices are excluded.
     """
-    names = []
     with os.scandir(folder) as entries:
-        for entry in entries:
-            if entry.is_symlink():
-                names.append(f"{entry.name}/@")
-            elif entry.is_dir():
-                names.append(f"{entry.name}/")
-            elif entry.is_file() or not folder.startswith("/dev/"):
-                names.append(entry.name)
-    return sorted(names)
-
-
-def _target(path: str, table: FileTable) -> str:
-    """Return the target of a link, with mode and content digest of a regular file."""
-    target = os.readlink(path)
-    real = _status(path, follow=True)
-    if real is None or not stat.S_ISREG(real.st_mode):
-        return f"link {target}"
-    return f"link {target} {stat.S_IMODE(real.st_mode):o} {table.digest(path, real)}"
+        return sorted(
+            f"{entry.name}/@" if entry.is_symlink() else f"{entry.name}/" if entry.is_dir() else entry.name
+            for entry in entries
+            if not folder.startswith("/dev/") or entry.is_symlink() or entry.is_dir() or entry.is_file()
+        )
 
 
 def _status(path: str, *, follow: bool = False) -> os.stat_result | None:

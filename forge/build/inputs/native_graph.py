@@ -45,7 +45,7 @@ _MAKE_WORD = re.compile(r"(?:\\.|[^\\\s])+")
 
 @frozen
 class Edge:
-    """A command of the native tool. Paths are absolute; `text` is the tool's description of the command.
+    """A command of the native tool, with absolute paths; `text` is the tool's description of it.
 
     Inputs that only have to exist before it runs are in `after`.
     """
@@ -58,7 +58,6 @@ class Edge:
 
     @property
     def compiles(self) -> bool:
-        """Return True if the command compiles one file."""
         return bool(_COMPILES.match(self.rule))
 
     @property
@@ -87,7 +86,6 @@ class NativeGraph:
         return (*edge.inputs, *(path for output in edge.outputs for path in self.reported.get(output, ())))
 
     def users(self) -> Mapping[str, list[Edge]]:
-        """Return the edges that have a path as an input, by the path."""
         by_input: dict[str, list[Edge]] = defaultdict(list)
         for edge in self.edges:
             for path in self.inputs_of(edge):
@@ -104,7 +102,6 @@ class NativeGraph:
         return frozenset(found)
 
     def known(self) -> frozenset[str]:
-        """Return every path that is an input of some edge."""
         return frozenset(path for edge in self.edges for path in self.inputs_of(edge))
 
     def searched_by_linkers(self) -> Iterator[str]:
@@ -138,18 +135,36 @@ class EdgeFinder:
 
 
 def read_native_graph(folder: Path, build: Path | None = None) -> NativeGraph:
-    """Return the native tool's graph of a build folder; an unreadable log counts as empty.
+    """Return the native tool's graph of a build folder, empty if unreadable or for several configurations.
 
-    `build` is the original path of a folder that has been moved. The graph of a multi-config build folder
-    counts as unknown.
+    `build` is the original path of a folder that has been moved.
     """
-    rules = _text(folder / "build.ninja")
+    original, rules = build or folder, _text(folder / "build.ninja")
     several = (folder / "CMakeFiles" / "common.ninja").is_file()
-    if rules and not several and (folder / "CMakeFiles" / "rules.ninja").is_file():
-        return _ninja_graph(folder, build or folder, rules)
-    listed = _text(folder / "CMakeFiles" / "Makefile.cmake").partition("\n  )\n")[0]
-    read = (_absolute(build or folder, path) for path in _READ_BY_CMAKE.findall(listed))
-    return NativeGraph(read_by_cmake=tuple(read))
+    if not rules or several or not (folder / "CMakeFiles" / "rules.ninja").is_file():
+        listed = _text(folder / "CMakeFiles" / "Makefile.cmake").partition("\n  )\n")[0]
+        paths = (_absolute(original, path) for path in _READ_BY_CMAKE.findall(listed))
+        return NativeGraph(read_by_cmake=tuple(paths))
+    edges: list[Edge] = []
+    read: tuple[str, ...] = ()
+    aliases: dict[str, tuple[str, ...]] = {}
+    for edge in _ninja_edges(str(original), rules):
+        if edge.rule == "RERUN_CMAKE":
+            read = edge.inputs
+        elif edge.rule == "phony":
+            aliases.update(dict.fromkeys(edge.outputs, edge.inputs))
+        elif edge.rule not in _WITHOUT_FILES and edge.outputs:
+            edges.append(edge)
+    reported = dict(_ninja_reports(folder, original))
+    for edge in edges:
+        if edge.outputs[0] not in reported and (depfile := _DEPFILE.search(edge.text)):
+            where = _absolute(original, _ESCAPE.sub(r"\1", depfile[1])).replace(str(original), str(folder), 1)
+            _, _, words = _text(Path(where)).replace("\\\n", " ").partition(": ")
+            reported[edge.outputs[0]] = tuple(
+                _absolute(original, re.sub(r"\\(.)", r"\1", word))
+                for word in _MAKE_WORD.findall(words.replace("$$", "$"))
+            )
+    return NativeGraph(tuple(edges), reported, read, "ninja", " dyndep = " in rules, aliases)
 
 
 def cmake_edge(build: Path) -> Edge:
@@ -175,29 +190,6 @@ def unneeded_outputs(build: Path) -> frozenset[str]:
             waiting += (*edge.inputs, *edge.after)
     unneeded = (edge for edge in edges if defaults and edge not in needed)
     return frozenset(output for edge in unneeded for output in edge.outputs)
-
-
-def _ninja_graph(folder: Path, build: Path, rules: str) -> NativeGraph:
-    edges: list[Edge] = []
-    read: tuple[str, ...] = ()
-    aliases: dict[str, tuple[str, ...]] = {}
-    for edge in _ninja_edges(str(build), rules):
-        if edge.rule == "RERUN_CMAKE":
-            read = edge.inputs
-        elif edge.rule == "phony":
-            aliases.update(dict.fromkeys(edge.outputs, edge.inputs))
-        elif edge.rule not in _WITHOUT_FILES and edge.outputs:
-            edges.append(edge)
-    reported = dict(_ninja_reports(folder, build))
-    for edge in edges:
-        if edge.outputs[0] not in reported and (depfile := _DEPFILE.search(edge.text)):
-            where = _absolute(build, _ESCAPE.sub(r"\1", depfile[1])).replace(str(build), str(folder), 1)
-            _, _, words = _text(Path(where)).replace("\\\n", " ").partition(": ")
-            reported[edge.outputs[0]] = tuple(
-                _absolute(build, re.sub(r"\\(.)", r"\1", word))
-                for word in _MAKE_WORD.findall(words.replace("$$", "$"))
-            )
-    return NativeGraph(tuple(edges), reported, read, "ninja", " dyndep = " in rules, aliases)
 
 
 _WITHOUT_FILES = frozenset({"phony", "CLEAN", "HELP", "VERIFY_GLOBS", "RERUN_CMAKE"})
@@ -279,7 +271,12 @@ def reported_inputs(build: Path, graph: NativeGraph, inside: Sequence[Path]) -> 
     """
     own = tuple(f"{path}{os.sep}" for path in inside)
     cmakes = cmake_root(build)
-    paths = {*graph.known(), *graph.read_by_cmake, *_read_by_backend(build, inside)}
+    paths = {*graph.known(), *graph.read_by_cmake}
+    for path in _listed(build, "read_by_backend"):  # the inputs of cargo
+        if not Path(path).is_dir():
+            paths.add(path)
+        elif not any(f"{folder}/".startswith(f"{path}/") for folder in inside):
+            paths.update(source_files(path), (f"{each}{DIR_LISTING_SUFFIX}" for each in source_folders(path)))
     return frozenset(
         path for path in paths if not path.startswith(own) and not (cmakes and path.startswith(cmakes))
     )
@@ -294,16 +291,6 @@ def cmake_root(build: Path) -> str:
 def written_by_backend(build: Path) -> Iterator[str]:
     """Yield the Cargo.lock that cargo wrote."""
     return _listed(build, "written_by_backend")
-
-
-def _read_by_backend(build: Path, inside: Sequence[Path]) -> Iterator[str]:
-    """Yield the inputs of cargo; for a folder, its files and names."""
-    for path in _listed(build, "read_by_backend"):
-        if not Path(path).is_dir():
-            yield path
-        elif not any(f"{folder}/".startswith(f"{path}/") for folder in inside):
-            yield from source_files(path)
-            yield from (f"{folder}{DIR_LISTING_SUFFIX}" for folder in source_folders(path))
 
 
 def _listed(build: Path, name: str) -> Iterator[str]:

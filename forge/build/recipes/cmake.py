@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 from forge.base.cmake_syntax import cmake_arguments, quoted
 from forge.base.errors import Problem
 from forge.base.layout import CONFIGURED_FILE, SCRATCH_DIR
-from forge.build.recipes.context import BuildContext, Recipe, common_options
-from forge.build.recipes.extensions import active_extensions
+from forge.build.recipes.context import BuildContext, Recipe, active_extensions, common_options
 from forge.build.tasks import Step, StepKind
 from forge.build.up_to_date import ROSDISTRO, TARGET
 from forge.workspace.resolve import GENERATORS
@@ -46,16 +45,14 @@ def _ament_variables(package: Package, context: BuildContext) -> Pairs:
     # All interface packages get the distribution from this package.
     has_distribution = package.embedded and package.name == GENERATORS
     return (
-        ("AMENT_CMAKE_SYMLINK_INSTALL", "1" if _links(package, context) else "0"),
+        ("AMENT_CMAKE_SYMLINK_INSTALL", "1" if context.links(package) else "0"),
         *((("AMENT_TEST_RESULTS_DIR", str(results)),) if results else ()),
         *((("FORGE_ROSDISTRO", context.rosdistro),) if has_distribution else ()),
     )
 
 
 def tests(package: Package, context: TestContext) -> Recipe:
-    """Return the CTest run of a built package."""
-    from forge.build.tests.detection import ctest_configuration
-    from forge.build.tests.recipes import ctest_recipe
+    from forge.build.tests.recipes import ctest_configuration, ctest_recipe
 
     return ctest_recipe(package, context, ctest_configuration(context.layout.build_dir(package.name)))
 
@@ -66,12 +63,10 @@ def common_arguments(context: BuildContext) -> tuple[str, ...]:
 
 
 def scratch_folder(build_dir: Path) -> Path:
-    """Return the folder for the files that forge passes to CMake."""
     return build_dir / SCRATCH_DIR
 
 
 def recipe(package: Package, context: BuildContext) -> Recipe:
-    """Return the steps that configure, build and install, and the files that CMake reads."""
     from forge.base.templating import render
     from forge.build.recipes import initial_cache
 
@@ -116,7 +111,7 @@ def recipe(package: Package, context: BuildContext) -> Recipe:
     # CMake skips a file whose time differs by less than a second from the installed one, even if its content
     # differs: a second build within a second would not be installed.
     env = (("CMAKE_INSTALL_ALWAYS", "1"),)
-    if _links(package, context):
+    if context.links(package):
         env += (("CMAKE_INSTALL_MODE", "ABS_SYMLINK_OR_COPY"),)
     steps.append(Step(StepKind.INSTALL, (cmake, "--install", str(build)), build, env))
     return Recipe(tuple(steps), files)
@@ -130,9 +125,9 @@ exec "$@"
 
 
 def _with_path_maps(context: BuildContext) -> tuple[tuple[str, ...], Pairs]:
-    """Return the arguments and the environment variables that pass the path maps to compilers.
+    """Return arguments and environment variables that pass the path maps to compilers.
 
-    CMake takes the initial flags of a language from the environment, unless an argument sets them.
+    CMake takes initial flags from the environment, unless an argument sets them.
     """
     parsed = tuple(cmake_arguments(context.cmake_args))
     word_lists, env = [list(argument.words) for argument in parsed], []
@@ -180,8 +175,3 @@ def _generator(
     if only_make and context.make:
         return ("-G", "Unix Makefiles")
     return ("-G", "Ninja", f"-DCMAKE_MAKE_PROGRAM={context.ninja}")
-
-
-def _links(package: Package, context: BuildContext) -> bool:
-    """Return whether files are symlinked into the prefix; not for embedded packages, which upgrades move."""
-    return context.layout.symlink and not package.embedded

@@ -1,21 +1,31 @@
-"""The parameters and results of recipes."""
+"""The parameters and results of recipes, and the extensions of the recipes of CMake packages.
+
+An extension is a module or another object with the fields of RecipeExtension, announced as an entry point of
+the group 'forge.recipes'. forge's own extensions are always used, those of other distributions only if
+`--recipes` names them.
+"""
 
 from __future__ import annotations
 
 import re
 import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
 from functools import cache
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 from forge.base.cmake_syntax import cmake_arguments
 from forge.base.distributions import OLDEST
+from forge.base.errors import HostError, Problem
+from forge.base.extensions import OWN, RECIPES, call, checked, find
 from forge.base.frozen import Pairs, frozen
 from forge.base.layout import PACKAGE, Layout
 from forge.base.text import digest
 from forge.build.tasks import Step, StepKind
-from forge.build.up_to_date import MANIFEST, UMASK
+from forge.build.up_to_date import MANIFEST, RECIPE, UMASK
 from forge.toolchain.cmake_variables import BUILD_TESTING, defined
 from forge.workspace.model import DependencyKind, Package
 
@@ -50,7 +60,7 @@ class BuildContext:
     launcher: Path | None = None
     """The compiler launcher, for example ccache."""
     recipes: tuple[str, ...] = ()
-    """The names of the extensions of recipes: see forge.build.recipes.extensions."""
+    """The names of the extensions of recipes."""
     embedded: frozenset[str] = frozenset()
     """The names of embedded packages in this workspace if they differ from those of a distribution."""
     test_results: Path | None = None
@@ -75,6 +85,10 @@ class BuildContext:
 
     def source(self, package: Package) -> Path:
         return self.root / package.path
+
+    def links(self, package: Package) -> bool:
+        """Return whether files are symlinked into the prefix; not for embedded ones, which upgrades move."""
+        return self.layout.symlink and not package.embedded
 
     def of(self, package: Package) -> BuildContext:
         """Return the context for one package: `cmake_args` are all CMake arguments of the package.
@@ -169,7 +183,7 @@ def common_options(package: Package, context: BuildContext) -> tuple[str, ...]:
         str(layout.prefix(package.name)),
         str(context.python),
         context.site_packages,
-        *(("--symlink-install",) if layout.symlink and not package.embedded else ()),
+        *(("--symlink-install",) if context.links(package) else ()),
         *((f"{UMASK}{context.umask:03o}",) if context.umask else ()),
         *(option for name, option in context.toolchains if name == package.build_type),
         *(() if package.embedded else (f"{MANIFEST} {_manifest(package)}",)),
@@ -188,3 +202,56 @@ def _manifest(package: Package) -> str:
 @cache
 def _kinds(kinds: frozenset[DependencyKind]) -> str:
     return " ".join(sorted(kind.value for kind in kinds))
+
+
+@frozen
+class RecipeExtension:
+    """The interface of a recipe extension. Only `running` starts programs and writes files."""
+
+    options: Callable[[Package, BuildContext], tuple[str, ...]]
+    """Returns further inputs of a package, which is built again when one of them changes."""
+    addition: Callable[[Package, BuildContext], Addition]
+    """Returns the additions to the recipe of a package."""
+    running: Callable[
+        [Sequence[Package], BuildContext, Mapping[str, str], Pairs], AbstractContextManager[Mapping[str, str]]
+    ]
+    """Returns a context that is open while these packages are built; it yields variables for their steps.
+
+    Variables whose names begin with FORGE_ are valid during this build only: printed commands and
+    environment.sh leave them out. The mapping is the environment of the build, and the pairs are the inputs
+    of every compilation. Not called for an audit, which observes each step.
+    """
+
+
+def active_extensions(context: BuildContext) -> Iterator[RecipeExtension]:
+    """Yield the extensions of a build; raises ForgeError if one does not exist or cannot be loaded."""
+    return map(_extension, context.recipes)
+
+
+@cache
+def _extension(name: str) -> RecipeExtension:
+    module = find(RECIPES, name, "recipe", ("options", "addition", "running"))
+    if module is None:
+        hint = f"install it beside forge, source its workspace, or remove '{name}' from '--recipes'"
+        raise HostError(Problem(f"no installed distribution provides the recipe '{name}'", hint=hint))
+    if name in OWN[RECIPES]:
+        return RecipeExtension(module.options, module.addition, module.running)
+    return _checked(f"{RECIPE}'{name}'", module)
+
+
+def _checked(what: str, module: Any) -> RecipeExtension:
+    """Turn exceptions and wrong results of another distribution's extension into ForgeErrors."""
+    from forge.build.inputs.fingerprints import code_digest
+
+    options = checked(what, module.options, tuple)
+
+    @contextmanager
+    def running(*arguments: object) -> Iterator[Mapping[str, str]]:
+        with ExitStack() as stack:
+            yield call(what, lambda: stack.enter_context(module.running(*arguments)))
+
+    return RecipeExtension(
+        lambda *arguments: (*options(*arguments), f"{what} {code_digest(module)}"),
+        checked(what, module.addition, Addition),
+        running,
+    )

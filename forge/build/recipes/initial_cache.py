@@ -94,11 +94,8 @@ def _values(manifest: Manifest) -> Iterator[tuple[str, tuple[str, ...]]]:
 
 
 def _xml(export: Export) -> str:
-    attributes = "".join(f' {name}="{_escaped(value)}"' for name, value in export.attributes)
+    escapes = str.maketrans({"&": "&amp;", "<": "&lt;", '"': "&quot;"})
+    attributes = "".join(f' {name}="{value.translate(escapes)}"' for name, value in export.attributes)
     if not export.content:
         return f"<{export.tag}{attributes}/>"
     return f"<{export.tag}{attributes}>{export.content}</{export.tag}>"
-
-
-def _escaped(value: str) -> str:
-    return value.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")

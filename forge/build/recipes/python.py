@@ -18,7 +18,6 @@ def recipe(package: Package, context: BuildContext, *more: str) -> Recipe:
     Without a setup.py, scripts go to lib/<package>, where `ros2 run` finds them.
     """
     layout, build = context.layout, context.layout.build_dir(package.name)
-    links = layout.symlink and not package.embedded
     argv = (
         *context.wheels,
         str(context.source(package)),
@@ -26,14 +25,12 @@ def recipe(package: Package, context: BuildContext, *more: str) -> Recipe:
         *("--python", str(context.python), "--site-packages", context.site_packages),
         *more,
         *(("--target", layout.target) if layout.target else ()),
-        *(("--link",) if links else ()),
+        *(("--link",) if context.links(package) else ()),
     )
     return Recipe((Step(StepKind.INSTALL, argv, build, prefix=layout.prefix(package.name)),))
 
 
 def tests(package: Package, context: TestContext) -> Recipe:
-    """Return the pytest or unittest run."""
-    from forge.build.tests.detection import requirements_of_tests
-    from forge.build.tests.recipes import python_recipe
+    from forge.build.tests.recipes import python_recipe, requirements_of_tests
 
     return python_recipe(package, context, requirements_of_tests(context.source(package)))

@@ -3,4 +3,4 @@
 `unittests` is a separate program that runs unittest.
 """
 
-__all__ = ["detection", "recipes"]
+__all__ = ["recipes"]

@@ -1,24 +1,27 @@
-"""The test steps of each build type: CTest, pytest or unittest.
+"""The test steps of each build type, CTest, pytest or unittest, and which tests a package has.
 
 Like the exit codes of CTest and pytest, the steps distinguish failed tests from failed runs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import field, replace
 from pathlib import Path
 
 from forge.base.errors import Location, Problem, WorkspaceError
 from forge.base.files import text_or_nothing
+from forge.base.formats import read_toml
 from forge.base.frozen import Pairs, frozen
 from forge.base.layout import TEST_SCRATCH_DIR, Layout
 from forge.base.templating import render
 from forge.build.recipes.context import Recipe
 from forge.build.tasks import TEST_FAILURES, TIMED_OUT, Step, StepCondition, StepKind
-from forge.build.tests.detection import count_ctests
 from forge.build.tests.options import TestOptions
-from forge.workspace.model import Package
+from forge.workspace.model import DependencyKind, Package
+from forge.workspace.python_metadata import PythonMetadata, read_pyproject, read_setup_cfg, read_setup_py
 
 NO_TESTS = "no tests"
 UNITTESTS = Path(__file__).with_name("unittests.py")
@@ -63,7 +66,6 @@ class TestContext:
         return self.root / package.path
 
     def of(self, package: Package) -> TestContext:
-        """Return the context with the package's own options added."""
         chosen = self.chosen.get(package.name, ChosenTests())
         if not package.settings and package.name not in self.chosen:
             return self
@@ -83,7 +85,7 @@ class TestContext:
         return (self.options.test_result_base or self.layout.build) / name
 
     def not_run(self, name: str) -> Path:
-        """Return the result file with the reason why the tests of a package did not run or complete."""
+        """Return the result file that says why the tests of a package did not run or complete."""
         return self.results_of(name) / "test_results" / name / "not_run.xml"
 
 
@@ -122,7 +124,11 @@ def ctest_recipe(package: Package, context: TestContext, configuration: str) -> 
     files = [(context.not_run(package.name), missing_result(package, "ctest"))]
     folder = build
     tests = count_ctests(build, MAX_TESTS)
-    if at_once := _tests_at_once(tests, context):
+    # The observations of `--cached` must not depend on the order of tests, so these run one after another.
+    chosen = any(word.startswith(("-j", "--parallel")) for word in context.options.ctest_args)
+    one_by_one = chosen or context.options.cached or not context.isolated or context.options.test_jobs == 1
+    at_once = 0 if one_by_one or tests < 2 else min(context.options.test_jobs or MAX_TESTS, tests)
+    if at_once:
         # In this folder, CTest reads the tests through a file that forge writes, and writes results through a
         # link.
         folder = parallel_folder(build)
@@ -158,18 +164,6 @@ def known_cases_file(build: Path) -> Path:
 def parallel_folder(build: Path) -> Path:
     """Return the working directory of CTest if it runs the tests of a package in parallel."""
     return build / TEST_SCRATCH_DIR / "ctest"
-
-
-def _tests_at_once(tests: int, context: TestContext) -> int:
-    """Return how many of the tests of a package CTest may run at once, 0 if forge does not decide.
-
-    The observations of `--cached` must not depend on the order of tests, so these run one after another.
-    """
-    options = context.options
-    chosen = any(word.startswith(("-j", "--parallel")) for word in options.ctest_args)
-    if chosen or options.cached or not context.isolated or options.test_jobs == 1 or tests < 2:
-        return 0
-    return min(options.test_jobs or MAX_TESTS, tests)
 
 
 def python_recipe(package: Package, context: TestContext, wants: Collection[str]) -> Recipe:
@@ -238,3 +232,62 @@ def missing_result(package: Package, program: str, seconds: float = 0) -> str:
 
 def error_result(package: str, test: str, message: str) -> str:
     return render("testing/error_result.xml.j2", package=package, test=test, message=message)
+
+
+_BUILD_TYPE = re.compile(r"^CMAKE_BUILD_TYPE:[^=]*=(.*)$", re.MULTILINE)
+_SUBFOLDER = re.compile(r'^\s*subdirs\("?([^")]+)"?\)', re.MULTILINE)
+_TESTS = re.compile(r"^\s*(add_test|include)\(", re.MULTILINE)
+
+
+def count_ctests(build: Path, most: int) -> int:
+    """Return the number of tests that CTest finds in a build folder, or at least `most`.
+
+    A file that a list of tests includes may contain any number of them.
+    """
+    waiting, count = [build], 0
+    while waiting and count < most:
+        folder = waiting.pop()
+        text = text_or_nothing(folder / "CTestTestfile.cmake")
+        count += sum(most if word == "include" else 1 for word in _TESTS.findall(text))
+        waiting += [folder / name for name in _SUBFOLDER.findall(text)]
+    return count
+
+
+def requirements_of_tests(source: Path) -> frozenset[str]:
+    """Return the normalized names of distributions that a Python package's tests require.
+
+    Reads tests_require and test extras in setup.py, setup.cfg and pyproject.toml, and dependency groups.
+    Values in setup.py that are not literals are ignored.
+    """
+    names = (
+        dependency.name
+        for facts in _facts(source)
+        for dependency in facts.dependencies
+        if DependencyKind.TEST in dependency.kinds
+    )
+    return frozenset(re.sub(r"[-_.]+", "-", name).lower() for name in names)
+
+
+def _facts(source: Path) -> Iterator[PythonMetadata]:
+    """Yield the metadata of each of a package's files; unreadable ones are skipped."""
+    with suppress(SyntaxError, ValueError, RecursionError):
+        yield read_setup_py(text_or_nothing(source / "setup.py")) or PythonMetadata()
+    yield read_setup_cfg(text_or_nothing(source / "setup.cfg"))
+    with suppress(WorkspaceError):
+        table = read_toml(text_or_nothing(source / "pyproject.toml"), source / "pyproject.toml")
+        groups = table.get("dependency-groups", {})
+        yield read_pyproject(table) or PythonMetadata()
+        yield read_pyproject({"project": {"optional-dependencies": groups}}) or PythonMetadata()
+
+
+def has_ctests(build: Path) -> bool:
+    return count_ctests(build, 1) > 0
+
+
+def ctest_configuration(build: Path) -> str:
+    """Return the configuration for CTest: from CMake's cache, else Release as in colcon; '' without tests."""
+    if not has_ctests(build):
+        return ""
+    match = _BUILD_TYPE.search(text_or_nothing(build / "CMakeCache.txt"))
+    configurations = {"Debug", "MinSizeRel", "RelWithDebInfo"}
+    return match[1] if match and match[1] in configurations else "Release"

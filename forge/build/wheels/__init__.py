@@ -1,3 +1,3 @@
 """Installing a Python package into a prefix."""
 
-__all__ = ["backends", "install_wheel"]
+__all__ = ["install_wheel"]

@@ -12,7 +12,6 @@ import warnings
 
 TYPE_CHECKING = False  # importing typing would dominate the start-up time
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from typing import Any
 
 UNAVAILABLE = 100
@@ -55,7 +54,12 @@ def main(path: str) -> None:
     sys.argv[:] = ["setup.py", *request["words"]]
     sys.path.insert(0, os.getcwd())
     setup = os.path.join(os.getcwd(), "setup.py")
-    with _without_downloads():
+    try:
+        # As builds of wheels do, ignore setup_requires: its packages would be downloaded into the sources.
+        from setuptools.build_meta import no_install_setup_requires  # type: ignore[attr-defined]
+    except ImportError:
+        no_install_setup_requires = contextlib.nullcontext
+    with no_install_setup_requires():
         if not os.path.exists(setup):
             setuptools.setup()
             return
@@ -65,18 +69,6 @@ def main(path: str) -> None:
         module.__dict__.update(__file__=setup, __builtins__=__builtins__)
         sys.modules["__main__"] = module
         exec(code, module.__dict__)  # noqa: S102  (the purpose of this module)
-
-
-@contextlib.contextmanager
-def _without_downloads() -> "Iterator[None]":
-    """Ignore setup_requires, as builds of wheels do: its packages would be downloaded into the sources."""
-    try:
-        from setuptools.build_meta import no_install_setup_requires  # type: ignore[attr-defined]
-    except ImportError:
-        yield
-    else:
-        with no_install_setup_requires():
-            yield
 
 
 def _adapt(request: "dict[str, Any]", outside: str) -> None:

@@ -18,7 +18,6 @@ from forge.base.layout import LAST_COMMAND, SCRATCH_DIR, TEMPLATES_DIR, Layout
 from forge.base.templating import keep_compiled
 from forge.base.text import listed
 from forge.build.folder_marks import create_output_folders, mark_layout
-from forge.build.preflight import stale_package_warnings
 from forge.build.state import BuildState
 from forge.build.tasks import BuildPlan
 from forge.cli.build_options import BuildOptions
@@ -76,7 +75,9 @@ def build(options: BuildOptions, mode: BuildMode) -> int:
         if not options.dry_run:
             state.recover()
             state.remove_embedded(loaded.resolution.superseded)
-        mode.warn(stale_package_warnings(state.journal.records, loaded.packages, layout, Path.cwd()))
+        if advice := own_plugin(OPTIONS, "advice-preflight"):
+            records = state.journal.records
+            mode.warn(advice.stale_package_warnings(records, loaded.packages, layout, Path.cwd()))
         code = 0
         if plan.tasks:
             from forge.cli.build_run import run_plan, warn_of_packages

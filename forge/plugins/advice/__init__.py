@@ -1,1 +1,1 @@
-"""Warnings about underlays, the interpreter and CMake arguments, and why a package lacks an executable."""
+"""Warnings about underlays, interpreter, CMake arguments, stale packages and limits; missing executables."""

@@ -18,10 +18,15 @@ from forge.base.names import did_you_mean
 from forge.base.options import flag, option, options_of
 from forge.base.text import counted, listed
 from forge.build.cleaning import Removable, package_removables, remove, restore_backups
-from forge.build.folder_marks import bases_of, is_own_build_base, is_own_install_base, recorded_layout
+from forge.build.folder_marks import (
+    bases_of,
+    is_own_build_base,
+    is_own_install_base,
+    is_removed_package,
+    recorded_layout,
+)
 from forge.build.installation import finish_workspace
 from forge.build.journal import Journal, open_journal
-from forge.build.preflight import is_removed_package
 from forge.cli import options as shared
 from forge.cli.options import FolderOptions, OptionSources
 from forge.cli.preparation import build_variables, check_bases

@@ -21,14 +21,13 @@ from forge.base.text import counted
 from forge.build.cleaning import PACKAGE_SCRIPTS, Removable, package_removables
 from forge.build.copies import foreign_entries
 from forge.build.folder_marks import (
+    RUN_NAME,
     has_package_marks,
     is_own_build_base,
     is_own_build_dir,
     is_own_ignore_mark,
     is_own_install_base,
-    is_own_log_base,
     is_own_log_link,
-    is_run_name,
     recorded_layout,
     sources_in,
 )
@@ -114,11 +113,11 @@ def workspace_removables(
                 for removable in workspace_removables(root, target, below, (base,)):
                     yield replace(removable, label=f"{removable.label}, for '{target.target}'")
             yield from _own_files(base, chosen, (chosen / name for name in files if not of_others))
-    if "log" in bases and layout.logs is not None and is_own_log_base(layout.logs):
+    if "log" in bases and layout.logs is not None and (layout.logs / IGNORE_MARK).is_file():
         runs = tuple(
             folder
             for folder in _folders(layout.logs)
-            if not folder.is_symlink() and is_run_name(folder.name)
+            if not folder.is_symlink() and RUN_NAME.fullmatch(folder.name)
             if not any(folder.iterdir()) or any((folder / name).is_file() for name in _RUN_FILES)
         )
         if runs:

@@ -10,7 +10,7 @@ from forge.base.text import listed
 from forge.build.inputs.fingerprints import FileTable, fingerprint_tree
 from forge.build.journal import open_journal
 from forge.build.records import read_record
-from forge.build.snapshot import changed_sources
+from forge.plugins.explain.changes import changed_sources
 from forge.toolchain.cmake_variables import was_built_without_tests
 from forge.workspace.load import LoadedWorkspace
 from forge.workspace.model import CMAKE_TYPES

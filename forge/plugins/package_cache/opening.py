@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from forge.base.env_vars import cache_home, expand_home
@@ -76,7 +77,9 @@ def open_cache(build: PreparedBuild, state: BuildState, *, observed: bool) -> It
             results = "results were" if unsent > 1 else "result was"
             warn([Problem(f"{unsent} {results} not uploaded to the remote cache")])
     finally:
-        state.record_trees(cache.computed_trees)
+        for name, tree in cache.computed_trees.items():
+            if not (record := state.journal.records[name]).tree:
+                state.journal.set_record(name, replace(record, tree=tree))
         if remote:
             remote.close()
         try:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 from forge.base.errors import Problem
 from forge.base.frozen import Pairs, frozen
 from forge.build.inputs.fingerprints import FileTable, digest_of
-from forge.build.tests.detection import has_ctests
+from forge.build.tests.recipes import has_ctests
 from forge.cache.model import RESTORED, ActionResult, Digest, OutputFile, RemoteStore, StoreError
 from forge.plugins.package_cache import keys
 from forge.plugins.package_cache.keys import scripts_digest

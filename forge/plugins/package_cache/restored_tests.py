@@ -7,8 +7,7 @@ from dataclasses import replace
 
 from forge.base.frozen import frozen
 from forge.base.layout import Layout
-from forge.build.build_dir import empty_build_dir
-from forge.build.deferred import read_deferred, write_deferred
+from forge.build.build_dir import empty_build_dir, read_deferred, write_deferred
 from forge.build.model import BuildInputs, BuildRecord
 from forge.build.tasks import BuildPlan, Task
 from forge.execution.runner import TaskLifecycle

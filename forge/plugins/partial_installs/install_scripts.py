@@ -12,10 +12,12 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from forge.base.files import text_or_nothing, tree_below
-from forge.base.frozen import frozen
+from forge.base.frozen import Pairs, frozen
+from forge.base.text import digest
+from forge.build.copies import is_folder
 from forge.build.inputs.fingerprints import file_state
 from forge.workspace.cmake_text import Call, calls
 
@@ -78,11 +80,11 @@ class InstallScripts:
 def read_install_scripts(build: Path) -> InstallScripts:
     """Return the files that the scripts of a build folder install."""
     rules: list[InstallRule] | None = []
-    digest, prologue = hashlib.blake2b(digest_size=16), None
+    read, prologue = hashlib.blake2b(digest_size=16), None
     waiting = [f"{build}/{SCRIPT}"]
     for path in waiting:
         text = text_or_nothing(path, errors="surrogateescape")
-        digest.update(text.encode(errors="surrogateescape"))
+        read.update(text.encode(errors="surrogateescape"))
         around, blocks = _BLOCK.sub("", text), _BLOCK.finditer(text)
         prologue = text[: first.start()] if prologue is None and (first := _BLOCK.search(text)) else prologue
         included = _included(around, build)
@@ -92,7 +94,7 @@ def read_install_scripts(build: Path) -> InstallScripts:
             rules = None
         if rules is not None:
             rules += (rule for each in rule_lists for rule in each or ())
-    return InstallScripts(None if rules is None else tuple(rules), digest.hexdigest(), prologue or "")
+    return InstallScripts(None if rules is None else tuple(rules), read.hexdigest(), prologue or "")
 
 
 def _included(text: str, build: Path) -> list[str] | None:
@@ -223,3 +225,54 @@ def folder_modes(rules: Iterable[InstallRule]) -> Mapping[str, int]:
         for source in rule.sources
         for folder, _, _ in os.walk(source)
     }
+
+
+def partial_install(
+    build: Path, variables: Pairs, before: Mapping[str, Any]
+) -> tuple[dict[str, Any], str | None]:
+    """Return notes about what a build folder installs, and CMake code that installs only what has changed.
+
+    `before` are the notes of the last installation, with the installed files and folders. Instead of code,
+    return None if everything has to be installed. Of the notes, `scripts` identifies the install scripts and
+    the `variables` of the step, and `code` says whether the scripts run code of the package.
+    """
+    scripts = read_install_scripts(build)
+    entries = installed_entries(scripts.rules) if scripts.rules is not None else None
+    identity = digest(scripts.digest, *map("=".join, variables))
+    now: dict[str, Any] = {"scripts": identity, "code": scripts.rules is None}
+    if entries is None or scripts.rules is None:
+        return now, None
+    now["sources"] = {path: entry.state for path, entry in entries.items()}
+    now["modes"] = folder_modes(scripts.rules)
+    changed = _changed(before, now)
+    return now, None if changed is None else "".join((scripts.prologue, *_calls_for(changed, entries)))
+
+
+def _changed(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str] | None:
+    """Return the installed paths whose sources have changed; None if anything else may be different."""
+    then, current = before.get("sources"), now["sources"]
+    if not (then and current) or before["scripts"] != now["scripts"] or then.keys() != current.keys():
+        return None
+    if before.get("modes") != now["modes"]:
+        return None
+    # Excluded files were not installed either.
+    installed = {*before["files"], *(folder.rstrip("/") for folder in before["folders"])}
+    if not installed <= current.keys():  # such as a link to a folder, which is installed as a link
+        return None
+    return [path for path, state in current.items() if then[path] != state and path in installed]
+
+
+def _calls_for(changed: Iterable[str], entries: Mapping[str, InstalledEntry]) -> Iterator[str]:
+    """Yield the CMake code that installs some files; rules other than plain copies keep their block."""
+    blocks = dict[str, None]()
+    for path in changed:
+        rule, source = entries[path].rule, entries[path].source
+        if not rule.is_copy or rule.options or rule.kind not in {"FILE", "DIRECTORY"}:
+            blocks[rule.block] = None
+            continue
+        folder, _, name = path.rpartition("/")
+        renamed = f' RENAME "{name}"' if rule.name else ""
+        where = f'"${{CMAKE_INSTALL_PREFIX}}/{folder}"'
+        kind = "DIRECTORY" if is_folder(source) else "FILE"
+        yield f'file(INSTALL DESTINATION {where} TYPE {kind}{renamed} FILES "{source}")\n'
+    yield from blocks

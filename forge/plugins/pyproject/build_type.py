@@ -18,7 +18,7 @@ from forge.workspace.python_metadata import PythonMetadata, read_pyproject, read
 if TYPE_CHECKING:
     from forge.build.recipes.context import BuildContext, Recipe
     from forge.build.tests.recipes import TestContext
-    from forge.build.wheels.backends import WheelInstall
+    from forge.build.wheels.install_wheel import WheelInstall
     from forge.workspace.model import Package
 
 __all__ = ["identify", "install", "options", "recipe", "tests", "tests_need_build"]

@@ -18,7 +18,7 @@ from forge.base.errors import Location, Problem, WorkspaceError, raise_if_any
 from forge.base.files import read_file, text_or_nothing
 from forge.base.names import did_you_mean
 from forge.build.inputs.fingerprints import source_files
-from forge.build.wheels.backends import DISK_FULL
+from forge.build.wheels.install_wheel import DISK_FULL
 
 _VERSION = re.compile(r"python3\.(\d+)")
 _POINT = re.compile(r"([\w.]+)\s*:\s*(\w+)")

@@ -19,7 +19,7 @@ from installer.sources import WheelFile
 from forge.base.errors import HostError, Location, Problem, WorkspaceError
 from forge.base.files import delete_tree, naming
 from forge.build.observed_writes import note_written
-from forge.build.wheels.backends import (
+from forge.build.wheels.install_wheel import (
     DISK_FULL,
     TARGET_PYTHON,
     Backend,
@@ -27,9 +27,10 @@ from forge.build.wheels.backends import (
     build_system,
     compiled_modules,
     full_disk,
+    remove_links,
+    setup_cfg_option,
     unavailable_backend,
 )
-from forge.build.wheels.install_wheel import remove_links, setup_cfg_option
 from forge.plugins.pyproject.pitfalls import ENTRY_POINTS, without_invalid_scripts
 
 if TYPE_CHECKING:

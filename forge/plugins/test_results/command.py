@@ -13,9 +13,8 @@ from forge.base.errors import Problem, WorkspaceError, print_problem
 from forge.base.frozen import frozen
 from forge.base.layout import forge_command
 from forge.base.options import flag, option
-from forge.build.folder_marks import is_own_result_dir, sources_in
+from forge.build.folder_marks import is_own_result_dir, is_removed_package, sources_in
 from forge.build.journal import open_journal
-from forge.build.preflight import is_removed_package
 from forge.cli import options as shared
 from forge.testing.collecting import Collection, collect
 from forge.testing.outcomes import Case, Counts, Outcome, counted_once

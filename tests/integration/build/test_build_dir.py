@@ -12,7 +12,7 @@ import pytest
 from forge.base.layout import RECORD_FILE, SCRATCH_DIR, Layout
 from forge.build import build_dir
 from forge.build.inputs.fingerprints import FileTable, contents_of, fingerprint_tree
-from forge.build.installed_states import InstalledStates
+from forge.build.installed_lists import InstalledStates
 from forge.build.observed_writes import append, begin_log, read_steps
 from forge.build.records import FolderRecord, add_commands, complete_record, read_record
 from forge.build.reuse import Reuse

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from forge.plugins.library_abi.abi import abi_digest
+from forge.plugins.library_abi.relinking import abi_digest
 
 pytestmark = pytest.mark.needs("gcc")
 

@@ -265,7 +265,7 @@ REASONS: dict[str, Callable[[BuildInputs, BuildRecord | None, Snapshot], State]]
         record and replace(record, saved=("y",)),
         world,
     ),
-    "forge changed from version 1 to 2": lambda now, record, world: (
+    "forge": lambda now, record, world: (
         replace(now, forge=now.forge.replace("1", "2", 1)),
         record,
         world,
@@ -276,7 +276,7 @@ REASONS: dict[str, Callable[[BuildInputs, BuildRecord | None, Snapshot], State]]
         record,
         world,
     ),
-    "the option '-DA=1'": lambda now, record, world: (
+    "the option": lambda now, record, world: (
         replace(now, options=(*now.options[:-1], "-DA=2")),
         record,
         world,

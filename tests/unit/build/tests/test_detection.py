@@ -2,7 +2,7 @@
 
 import pytest
 
-from forge.build.tests.detection import has_ctests, requirements_of_tests
+from forge.build.tests.recipes import has_ctests, requirements_of_tests
 from tests.conftest import Tree
 
 

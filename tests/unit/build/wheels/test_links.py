@@ -1,7 +1,6 @@
 """Installed files of a Python package are links to its sources."""
 
-from forge.build.wheels.backends import WheelInstall
-from forge.build.wheels.install_wheel import link_to_sources
+from forge.build.wheels.install_wheel import WheelInstall, link_to_sources
 from tests.conftest import Tree
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from forge.base.layout import Layout
-from forge.build.preflight import LIMIT, variable_length_problems
 from forge.build.tasks import BuildPlan, Task
+from forge.plugins.advice.preflight import LIMIT, variable_length_problems
 from tests.conftest import Forge, Tree
 from tests.packages import manifest_text, package
 

@@ -1,4 +1,4 @@
-"""Checks before a build: paths, lengths of variables, stale packages.
+"""Checks before a build: lengths of variables, stale packages.
 
 Linux limits each environment variable to 128 KiB. In the isolated layout, each package adds its prefix to
 several variables, so large workspaces reach the limit; in the merged layout, all packages share one entry.
@@ -6,41 +6,16 @@ several variables, so large workspaces reach the limit; in the merged layout, al
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from forge.base.errors import Problem
-from forge.base.layout import IGNORE_MARK, Layout
+from forge.base.layout import Layout
 from forge.base.text import listed
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
-
-    from forge.build.model import BuildRecord
-    from forge.build.tasks import BuildPlan
-    from forge.workspace.model import Package
-
-_SEPARATORS = {
-    ":": "path lists use it as separator",
-    ";": "CMake lists use it as separator",
-    '"': "CMake's scripts use it as string delimiter",
-    "\\": "CMake interprets it as '/'",
-}
-_SETUPTOOLS_PLACEHOLDERS = dict.fromkeys("$%{}", "setuptools substitutes it")
-
-
-def path_problems(folders: Iterable[Path], *, python: bool) -> Iterator[Problem]:
-    """Yield a problem for each folder with an unsupported character; `python`: with Python packages."""
-    reasons = {**_SEPARATORS, **(_SETUPTOOLS_PLACEHOLDERS if python else {})}
-    for folder in dict.fromkeys(folders):
-        for character in dict.fromkeys(str(folder)):
-            reason = "it is a line break" if character in "\n\r" else reasons.get(character)
-            if reason:
-                hint = "move the workspace, or choose other folders with '--build-base' and '--install-base'"
-                message = f"the path '{folder}' contains {character!r}, which is not supported: {reason}"
-                yield Problem(message, hint=hint)
-                break
-
+from forge.build.folder_marks import is_removed_package
+from forge.build.model import BuildRecord
+from forge.build.tasks import BuildPlan
+from forge.workspace.model import Package
 
 LIMIT = 32 * 4096
 """The maximum size of one variable including name, '=' and the terminating NUL (MAX_ARG_STRLEN): 32 pages."""
@@ -138,14 +113,3 @@ def stale_package_warnings(
         message = f"{listed(gone)} {verb} no longer in the workspace, but {possessive} files are still in"
         hint = f"remove them: {layout.command('clean stale')}"
         yield Problem(f"{message} '{layout.install}', where other packages may find them", hint=hint)
-
-
-def is_removed_package(source: Path) -> bool:
-    """Return True if a folder no longer contains a package, or is ignored."""
-    if not (source / "package.xml").is_file():
-        return not (source / "CMakeLists.txt").is_file() and not (source / "setup.py").is_file()
-    return any(
-        (folder / marker).exists()
-        for folder in (source, *source.parents)
-        for marker in (IGNORE_MARK, "AMENT_IGNORE")
-    )
