@@ -9,8 +9,11 @@ import pytest
 from forge.base.extensions import COMMANDS, is_installed
 from tests.plugins.fetch.ros import Ros, small_ros
 
-collect_ignore = [] if is_installed(COMMANDS, "cache") else ["test_cache.py", "test_package_cache.py"]
-"""Tests of `forge cache` and `--cache`, which are another plugin."""
+collect_ignore = [
+    *([] if is_installed(COMMANDS, "cache") else ["test_cache.py", "test_package_cache.py"]),
+    *([] if is_installed(COMMANDS, "deps") else ["test_system_deps.py"]),
+]
+"""Tests of `forge cache` and `--cache`, and of system packages, which are other plugins."""
 
 
 @pytest.fixture(scope="session")

@@ -371,16 +371,6 @@ def test_embedded_packages_are_not_fetched(ros: Ros, forge: Forge, tmp_path: Pat
     assert not (workspace / "forge.lock").exists()
 
 
-def test_the_plan_names_system_packages_and_downloads(ros: Ros, forge: Forge, tmp_path: Path) -> None:
-    archive = "https://example.invalid/archive.tar.gz"
-    cmake = f"if(FALSE)\nfile(DOWNLOAD {archive} here)\nendif()"
-    ros.release("rclmini", *depends("rmw_implementation", "lib_vendor"), cmake=cmake, version="1.2.0")
-    ran = forge("fetch", cwd=new_workspace(tmp_path / "ws"), env=ros.variables())
-    assert ran.code == 0
-    assert ran.err == f"warning: 'rclmini' downloads {archive} while it is built\n"
-    assert "libacl1-dev" in ran.out
-
-
 def test_vendored_sources_become_workspace_packages(ros: Ros, forge: Forge, tmp_path: Path) -> None:
     workspace, env = new_workspace(tmp_path / "ws"), ros.variables()
     assert forge("fetch", "--vendor", "src/ros", cwd=workspace, env=env).code == 0

@@ -1,8 +1,6 @@
 """The Python modules of a workspace: pinned by `forge fetch`, from wheels in a folder, by pip and by uv."""
 
-import hashlib
 import json
-import pickle
 import shutil
 import subprocess
 import sys
@@ -257,24 +255,6 @@ def test_a_configured_interpreter_is_not_modified(ros: Ros, uv: Index, forge: Fo
     assert ran.code == 0, ran.err
     assert "lacks below==1.0 lark==1.1 tiny==1.0\nhint: install them, or use a virtual environment" in ran.err
     assert not (workspace / ".venv").exists()
-
-
-def test_rosdep_keys_are_found_on_pypi(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:
-    rules = {"python3-tiny-pip": {"*": {"pip": {"packages": ["tiny"]}}}, "python3-gi": {"*": ["python3-gi"]}}
-    cache, url = tmp_path / "home/rosdep/sources.cache", "file:///rules.yaml"
-    name = hashlib.sha1(url.encode()).hexdigest()
-    write_files(cache, {"index": f"yaml {url} \n"})
-    (cache / f"{name}.pickle").write_bytes(pickle.dumps(rules, 2))
-    workspace = new_workspace(tmp_path / "ws", "", *depends("python3-tiny-pip", "python3-gi"))
-    env = {**ros.variables(), **uv.variables(), "ROS_HOME": str(tmp_path / "home")}
-    ran = forge("fetch", cwd=workspace, env=env)
-    assert ran.code == 0, ran.err
-    assert locked(workspace)["pip"] == {"python3-tiny-pip": "tiny"}
-    assert modules(workspace) == {"below": "1.0", "lark": "1.1", "tiny": "1.0"}
-    settings = (workspace / ".venv/pyvenv.cfg").read_text()
-    assert "include-system-site-packages = true" in settings  # for python3-gi
-    # Elsewhere, rosdep's data are missing.
-    assert forge("fetch", "--locked", cwd=workspace, env={**env, "ROS_HOME": "/nowhere"}).code == 0
 
 
 def test_packages_find_programs_from_pypi(ros: Ros, uv: Index, forge: Forge, tmp_path: Path) -> None:

@@ -12,10 +12,8 @@ TOPIC = (
     "and of the packages that 'forge fetch ros2topic' fetches"
 )
 CD = "a program cannot change the folder of its shell; 'forge completion' defines 'forge_cd'"
-LICENSE = "did you mean '--license'?"
 SELECT = "did you mean '--packages-select'?"
 ALL_OF_BUILD = "'forge build --help' lists all options"
-BUILD_TYPE = "'ament_cmak' (choose from 'cmake', 'ament_cmake', 'ament_python')"
 CONSOLE = "--event-handlers expects names followed by '+' or '-', not 'console_cohesion'"
 LINK = "'{}' is not '-': write '--symlink-install'"
 
@@ -45,18 +43,6 @@ LINK = "'{}' is not '-': write '--symlink-install'"
         ("build =x", "unrecognized arguments: =x", ALL_OF_BUILD),
         ("build --frobnicate", "unrecognized arguments: --frobnicate", ALL_OF_BUILD),
         ("build --jobs many", "argument -j/--jobs: 'many' is not a positive number of jobs", ALL_OF_BUILD),
-        (
-            "pkg create a --build-type ament_cmak",
-            f"argument --build-type: invalid choice: {BUILD_TYPE}",
-            "did you mean 'ament_cmake'?",
-        ),
-        (
-            "clean all",
-            "argument what: invalid choice: 'all' (choose from 'workspace', 'packages', 'stale')",
-            "'forge clean --help' lists all options",
-        ),
-        ("pkg create talk --license-typ x", "unrecognized arguments: --license-typ x", LICENSE),
-        ("env --formt sh", "unrecognized arguments: --formt", "did you mean '--format'?"),
         (
             "build --event-handlers console_cohesion",
             CONSOLE,
