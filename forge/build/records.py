@@ -23,7 +23,7 @@ from forge.base.layout import RECORD_FILE, SCRATCH_DIR
 from forge.build.inputs.fingerprints import FileState, Manifest
 from forge.engine.accesses import NOT_OBSERVED, ObservedCommands, decode_commands, encode_commands
 
-_VERSION = 4
+_VERSION = 5
 _INVALID = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
 
 

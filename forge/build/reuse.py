@@ -17,12 +17,13 @@ from __future__ import annotations
 import enum
 import os
 import re
+from collections import Counter
 from typing import TYPE_CHECKING
 
 from forge.base.frozen import frozen
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from forge.build.inputs.fingerprints import Changes
     from forge.build.inputs.native_graph import Edge, NativeGraph
@@ -60,7 +61,10 @@ def decide(
         return Decision(Reuse.EVERYTHING)
     if graph.tool != "ninja" or graph.has_dyndeps or seen.configure is None or seen.configure.blind:
         return Decision(Reuse.NOTHING)
-    dropped = with_all_written(graph, affected_outputs(graph, changes, seen), seen)
+    if _have_changed_files_of_others(seen, seen.configure):
+        return Decision(Reuse.NOTHING)
+    affected = affected_outputs(graph, changes, seen)
+    dropped = with_all_written(graph, affected.union(_repeated_outputs(graph, seen, exists)), seen)
     must_configure = (
         bool(changes.all & {*graph.read_by_cmake})
         or is_affected(seen.configure, seen, changes)
@@ -68,6 +72,35 @@ def decide(
         or any(not is_known(edge, seen) and any(map(exists, edge.outputs)) for edge in graph.edges)
     )
     return Decision(Reuse.PRODUCTS if must_configure else Reuse.EVERYTHING, dropped)
+
+
+def _have_changed_files_of_others(seen: ObservedCommands, configure: Accesses) -> bool:
+    """Return True if commands have changed or removed files that CMake wrote, or appended to other outputs.
+
+    If such a command runs again, it would find its own earlier result, not that of the other one.
+    """
+    configured = {path for path in configure.written if path[-1] != "/"}
+    edges = seen.edges.values()
+    writers = Counter(path for each in edges for path in each.written if path[-1] != "/")
+    return any(
+        each.removed
+        or not configured.isdisjoint(each.written)
+        or any(writers[path] > 1 for path in each.written & each.read)
+        for each in edges
+    )
+
+
+def _repeated_outputs(
+    graph: NativeGraph, seen: ObservedCommands, exists: Callable[[str], bool]
+) -> Iterator[str]:
+    """Yield the outputs of commands that append to files in each build, as targets without outputs may.
+
+    A file that they only replace keeps its time, since its content may be the same.
+    """
+    for edge in graph.edges:
+        accesses = seen.edges.get(edge.outputs[0])
+        if accesses and not accesses.read.isdisjoint(accesses.written) and not any(map(exists, edge.outputs)):
+            yield from edge.outputs
 
 
 def is_known(edge: Edge, seen: ObservedCommands) -> bool:
@@ -125,8 +158,9 @@ def with_all_written(graph: NativeGraph, dropped: frozenset[str], seen: Observed
                 dirty.add(path)
                 waiting += (output for edge in users.get(path, ()) for output in edge.outputs)
         unaffected = []
+        folders = {os.path.dirname(path.rstrip("/")) for path in more}
         for edge, each in candidates:
-            # Both writers of a shared output rerun, and so do readers of undeclared outputs.
+            # Both writers of a shared output rerun, and so do readers of undeclared outputs and of names.
             again = (
                 not more.isdisjoint(edge.outputs)
                 or (not dirty.isdisjoint(edge.outputs) and not each.written.issubset(edge.outputs))
@@ -134,6 +168,7 @@ def with_all_written(graph: NativeGraph, dropped: frozenset[str], seen: Observed
                 or not (dirty & each.read).issubset(graph.inputs_of(edge))
                 or not beside.isdisjoint(each.read)
                 or not more.isdisjoint(each.undone)
+                or not each.listed.isdisjoint(folders)
             )
             if again:
                 more.update(each.written, edge.outputs)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping
-from dataclasses import field
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import field, replace
 from typing import Any
 
 from forge.base.frozen import Pairs, frozen
@@ -12,7 +12,7 @@ from forge.engine.observed import is_intact
 
 _SETS = (
     *("read", "found", "listed", "searched", "written", "external", "asked", "kept", "ledgers"),
-    *("early", "undone"),
+    *("early", "undone", "removed"),
 )
 
 
@@ -26,8 +26,8 @@ class Accesses:
     `World`. `written` also contains created folders, ending with '/'. `kept` are files written by programs
     with `ledgers`, a digest and a path each; see `forge.engine.observed`. `early` are paths that other
     commands wrote only after it had looked for them or listed their folder. `undone` are outputs of commands
-    of which it has removed or renamed files. `outside` is True if it wrote elsewhere than to the build
-    folder, and `blind` if not all is known.
+    of which it has removed or renamed files, and `removed` such files that no command wrote. `outside` is
+    True if it wrote elsewhere than to the build folder, and `blind` if not all is known.
     """
 
     read: frozenset[str] = frozenset()
@@ -41,6 +41,7 @@ class Accesses:
     ledgers: frozenset[str] = frozenset()
     early: frozenset[str] = frozenset()
     undone: frozenset[str] = frozenset()
+    removed: frozenset[str] = frozenset()
     outside: bool = False
     blind: bool = False
 
@@ -66,7 +67,8 @@ class ObservedCommands:
     `missing` are all paths that some command has looked for in vain; they end with the first missing name.
     `rest` are the accesses of other processes of the steps. `answers` are the answers to all questions at the
     time of recording. `left` are the files that the install step wrote to the build folder, such as its
-    manifest.
+    manifest. `outdated` are outputs of reused commands that could see something else after the others have
+    run; they are not recorded.
     """
 
     configure: Accesses | None = None
@@ -75,6 +77,7 @@ class ObservedCommands:
     rest: Accesses | None = None
     answers: Pairs = ()
     left: frozenset[str] = frozenset()
+    outdated: frozenset[str] = frozenset()
 
     @property
     def all(self) -> tuple[Accesses, ...]:
@@ -120,7 +123,20 @@ class ObservedCommands:
                 edges[name] = self.edges[name] | after.edges[name]
         rest = self.rest | after.rest if self.rest and after.rest else after.rest or self.rest
         configure, missing = after.configure or self.configure, self.missing | after.missing
-        return ObservedCommands(configure, edges, missing, rest, left=after.left)
+        merged = ObservedCommands(configure, edges, missing, rest, left=after.left)
+        return replace(merged, outdated=frozenset(merged._outdated(self, after)))
+
+    def _outdated(self, before: ObservedCommands, after: ObservedCommands) -> Iterator[str]:
+        """Yield the outputs of commands that did not run again but could see what the others have made."""
+        nothing = frozenset[str]()
+        written = nothing.union(*(each.written for each in after.edges.values()))
+        again = (each.written for name, each in before.edges.items() if name in after.edges)
+        removed = {path for path in nothing.union(*again) - written if not os.path.lexists(path.rstrip("/"))}
+        added = written.difference(*(each.written for each in before.all))
+        if added or removed:
+            for name in self.edges.keys() - after.edges.keys():
+                if self.affected(self.edges[name], added, removed, ()):
+                    yield name
 
 
 NOT_OBSERVED = ObservedCommands()

@@ -92,7 +92,8 @@ def commands_of(
             removed[outputs[0]] = seen.removed
     for output, paths in removed.items():
         undone = {makers[path] for path in paths if path in makers} - {output}
-        edges[output] = replace(edges[output], undone=frozenset(undone))
+        unmade = folders.paths(paths - makers.keys())
+        edges[output] = replace(edges[output], undone=frozenset(undone), removed=unmade)
     copying = {each for each in others if each.parent is None and roots.get(each.pid) == "install"}
     started = [each for each in others if each.parent and folders.tools.isdisjoint(each.programs[-1:])]
     seen = as_read(look(others, step.blind), look(started))

@@ -104,6 +104,10 @@ class TaskLifecycle:
         """Remove the stage and return the task to rerun in place; otherwise do nothing and return None."""
         return None
 
+    def is_outdated(self, _task: Task) -> bool:
+        """Return True if the steps, which succeeded, must run again from an empty build folder."""
+        return False
+
     def begin(self, task: Task, environment: Mapping[str, str]) -> None:
         """Prepare the first step."""
 
@@ -147,6 +151,10 @@ class TaskRunner:
                 if record is None:
                     task = lifecycle.staged(task)
                     failure = self.executor.run(task, self._open(task), put, partial(self._restart, task))
+                    if failure is None and lifecycle.is_outdated(task):
+                        failure = self.executor.run(
+                            task, self._restart(task), put, partial(self._restart, task)
+                        )
                     failed_step = failure.step if isinstance(failure, Finished) else None
                     if again := lifecycle.unstaged(task, failed_step, stopped=isinstance(failure, Aborted)):
                         task = again

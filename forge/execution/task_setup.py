@@ -104,6 +104,7 @@ class TaskSetup(TaskLifecycle):
     """For each build folder in use, the record of the last build and that of this one."""
     _exchanges: dict[str, PrefixExchange] = field(default_factory=dict)
     _steps: dict[str, ObservedSteps] = field(default_factory=dict)
+    _observed: dict[str, ObservedCommands] = field(default_factory=dict)
     _detected: dict[str, frozenset[str]] = field(default_factory=dict)
     """The inputs of the compiler detection whose results were copied into a build folder."""
     _lock: AbstractContextManager[object] = field(default_factory=threading.RLock)
@@ -194,13 +195,18 @@ class TaskSetup(TaskLifecycle):
         shared = self.state.merged_prefix.shared_files(task)
         return staging.staged(task, self.layout, shared) if observes else task
 
+    def is_outdated(self, task: Task) -> bool:
+        self._observed[task.name] = commands = self._record_commands(task)
+        return bool(commands.outdated)
+
     def unstaged(self, task: Task, failed: Step | None, *, stopped: bool) -> Task | None:
         if task.stage is None or stopped:
             return None
         steps = self._read_steps(task)
         again = staging.in_place(task, self.layout, steps, failed)
         if again is not None:
-            commands = self._record_commands(task)
+            commands = self._observed.pop(task.name, None) or self._record_commands(task)
+            del self._steps[task.name]
             if again.prepared:
                 # Only the install step runs again.
                 last, begun = self._begun[task.name]
@@ -283,7 +289,8 @@ class TaskSetup(TaskLifecycle):
         packages = self.resolution.packages
         needs |= {need for need in self.resolution.needs[task.name] if packages[need].embedded}
         is_observed = self._read_steps(task).complete
-        observed = self._record_commands(task)
+        observed = self._observed.pop(task.name, None) or self._record_commands(task)
+        del self._steps[task.name]
         exchange = self._exchange(task)
         with self._alone:
             if task.stage:
@@ -349,7 +356,6 @@ class TaskSetup(TaskLifecycle):
         """Record the accesses of the steps of a package, successful or not."""
         build, begun = task.build_dir, self._begun.get(task.name)
         steps = self._read_steps(task)
-        del self._steps[task.name]
         commands = observed_commands(
             steps,
             build,
@@ -432,7 +438,9 @@ class TaskSetup(TaskLifecycle):
         raise_if_any(self._exchange(task).refused(), WorkspaceError)
 
     def undo(self, task: Task) -> None:
-        self._record_commands(task)
+        if not self._observed.pop(task.name, None):
+            self._record_commands(task)
+        del self._steps[task.name]
         exchange = self._exchange(task)
         del self._exchanges[task.name]
         if task.stage:
