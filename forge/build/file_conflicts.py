@@ -108,7 +108,7 @@ class MergedPrefix:
 
         Its digest still covers its own files. The next build compares the content of a file that the later
         package no longer installs. Return True if packages installed or removed the same file in an arbitrary
-        order; the next build repeats this in the right one.
+        order; the next build repeats this in the right one, and builds the readers of such a file again.
         """
         if not self._layout.merged:
             return False
@@ -132,6 +132,7 @@ class MergedPrefix:
             contents = states(built[-1]) if built else {}
             if contents and contents_of([path], table)[path] != contents.get(path):
                 deprived.add(built[-1])
+                self._outdate_readers(path, owners, plan)
         for name in sorted(deprived):
             self._journal.set_record(name, replace(records[name], installed=Fingerprint()))
         overwritten -= deprived
@@ -159,6 +160,23 @@ class MergedPrefix:
             ):
                 deprived.add(name)
         return bool(deprived)
+
+    def _outdate_readers(self, path: str, owners: Collection[str], plan: BuildPlan) -> None:
+        """Have the dependents of `owners` that may have read the file of another owner built from empty."""
+        from forge.build.records import add_saved, read_record
+
+        for name, task in plan.tasks.items():
+            record = self._journal.records.get(name)
+            # Results from the cache were built elsewhere.
+            if record is None or not (record.complete and record.began):
+                continue
+            if frozenset(owners).isdisjoint(task.needs):
+                continue
+            last = read_record(task.build_dir)
+            accesses = last.commands.all if last else ()
+            if not accesses or any(each.blind or path in each.read | each.found for each in accesses):
+                add_saved(task.build_dir, frozenset({path}))
+                self._journal.set_record(name, replace(record, saved=(path, *record.saved)))
 
 
 def owned_by_others(name: str, paths: frozenset[str], records: Mapping[str, BuildRecord]) -> frozenset[str]:

@@ -91,6 +91,12 @@ def complete_record(
     _append(build, {**data, "complete": True})
 
 
+def add_saved(build: Path, paths: frozenset[str]) -> None:
+    """Record after a build that these inputs, too, were written while it ran."""
+    if record := read_record(build):
+        _append(build, {"saved": sorted(record.saved | paths)})
+
+
 def _append(build: Path, data: Mapping[str, object]) -> None:
     path = build / SCRATCH_DIR / RECORD_FILE
     content = json.dumps(data).encode() + b"\n"

@@ -126,6 +126,31 @@ def test_unrecorded_files_in_a_merged_prefix_are_not_cached(users: Users, tmp_pa
     assert not differences(look(root / "install"), built)
 
 
+def test_a_package_that_read_a_file_before_its_owner_was_known_is_not_cached(
+    users: Users, tmp_path: Path
+) -> None:
+    """Several packages install the file; which one is last shows only when all are built."""
+    words = "install(FILES words DESTINATION share/common)\n"
+    read = (
+        "file(READ ${CMAKE_INSTALL_PREFIX}/share/common/words words)\n"
+        "file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/read ${words})\n"
+        "install(FILES ${CMAKE_CURRENT_BINARY_DIR}/read DESTINATION share/reader)\n"
+    )
+    slow = "add_custom_target(slow ALL COMMAND sleep 1)\n"
+    files = {}
+    for name, needs, rules in (("a", (), slow + words), ("b", (), words), ("reader", ("a", "b"), read)):
+        depends = "".join(f"<depend>{need}</depend>" for need in needs)
+        files[f"src/{name}/package.xml"] = manifest_text(name, depends, build_type="cmake")
+        head = f"cmake_minimum_required(VERSION 3.18)\nproject({name} NONE)\n"
+        files[f"src/{name}/CMakeLists.txt"] = head + rules
+        files[f"src/{name}/words"] = name
+    root = write_files(tmp_path / "ws", files)
+    for _ in range(2):
+        users.build(root, "--merge-install", "--parallel-workers", "2")
+        assert (root / "install/share/reader/read").read_text() == "b"
+        users.begin_anew(root)
+
+
 def test_results_are_relocated_to_another_workspace_path(users: Users, tmp_path: Path) -> None:
     """After builds at two paths of different length and depth had the same results."""
     files = {**PLAIN, **PYTHON}

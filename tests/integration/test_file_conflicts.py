@@ -14,10 +14,22 @@ project({name} NONE)
 install(FILES package.xml DESTINATION share/{name})
 install(FILES words DESTINATION share/common)
 """
+READER = """cmake_minimum_required(VERSION 3.18)
+project(reader NONE)
+file(GLOB names RELATIVE ${CMAKE_INSTALL_PREFIX}/share/common ${CMAKE_INSTALL_PREFIX}/share/common/*)
+file(READ ${CMAKE_INSTALL_PREFIX}/share/common/words words)
+file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/read "${names}: ${words}")
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/read DESTINATION share/reader)
+"""
+"""It reads the file that other packages install, and lists its folder."""
 TOLD = (
     ": 'a' and 'b' install 'share/common/words' with different contents\n"
     "hint: the last one wins; rename the file in one of them, or build without '--merge-install'\n"
 )
+
+
+def needs(*names: str) -> str:
+    return "".join(f"<depend>{name}</depend>" for name in names)
 
 
 def build(forge: Forge, tree: Tree, words: dict[str, str], *options: str) -> Ran:
@@ -92,3 +104,22 @@ def test_after_the_winner_was_removed_the_next_package_installs_its_file_again(
     assert forge("clean", "stale", "--yes", cwd=root).code == 0
     assert forge("build", "--merge-install", cwd=root).code == 0
     assert (root / "install/share/common/words").read_text() == "two"
+
+
+@pytest.mark.needs("gcc")
+def test_a_package_that_read_the_file_of_another_owner_is_built_again(forge: Forge, tree: Tree) -> None:
+    """The last owner was installed first, and its file is put in place after all packages were built."""
+    files = {
+        "src/reader/package.xml": manifest_text("reader", needs("a", "b"), build_type="cmake"),
+        "src/reader/CMakeLists.txt": READER,
+    }
+    for name, seconds in (("a", "1"), ("b", "0")):
+        slow = f"add_custom_target(slow ALL COMMAND sleep {seconds})\n"
+        files[f"src/{name}/package.xml"] = manifest_text(name, build_type="cmake")
+        files[f"src/{name}/CMakeLists.txt"] = CMAKE.format(name=name) + slow
+        files[f"src/{name}/words"] = name
+    root = tree(files)
+    assert forge("build", "--merge-install", "--parallel-workers", "2", cwd=root).code == 0
+    assert (root / "install/share/reader/read").read_text() == "words: b"
+    ran = forge("build", "--merge-install", cwd=root)
+    assert "0 packages finished, 3 packages unchanged" in ran.out + ran.err

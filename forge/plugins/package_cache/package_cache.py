@@ -179,7 +179,10 @@ class PackageCache:
         for pending in self._pending:
             near = (path for path, at in times.items() if pending.began - TICK <= at <= pending.ended + TICK)
             unrecorded = next(near, None)
-            if unrecorded is None:
+            record = self._context.records.get(pending.package)
+            if record and record.saved:  # found only after all packages had ended
+                self.notes[pending.package] = f"not cached: '{record.saved[0]}' was modified during the build"
+            elif unrecorded is None:
                 self._publish(pending)
             else:
                 self.notes[pending.package] = (
