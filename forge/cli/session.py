@@ -73,11 +73,14 @@ class Session:
     def collect_reports(self) -> None:
         """Print and log the observations of plugin reporters, before the summary."""
         for name, reporter in self.reporters.items():
-            report = ask(name, partial(reporter.conclude, complete=self.complete))
-            if report.lines:
-                self.report.show_report(report.lines)
-            for event, package, members in report.events:
-                self.json_events.emit(event, package, **members)
+            ask(name, self._collect_report, reporter)
+
+    def _collect_report(self, reporter: Reporter) -> None:
+        report = reporter.conclude(complete=self.complete)
+        if report.lines:
+            self.report.show_report(report.lines)
+        for event, package, members in report.events:
+            self.json_events.emit(event, package, **members)
 
     def conclude(self, seconds: float, code: int | None = None) -> None:
         """Log the results and let reporters write files; `code` overrides the exit code of the report."""

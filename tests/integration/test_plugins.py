@@ -330,7 +330,7 @@ def test_a_third_party_command_is_installed_from_a_wheel(tmp_path: Path) -> None
     help_text = run_forge(tmp_path, "licenses", "--help", path=tmp_path / "site").stdout
     assert "Print the license of each package below a folder." in help_text
     extensions = run_forge(tmp_path, "extensions", path=tmp_path / "site").stdout
-    assert "  licenses    forge-licenses 1.0\n" in extensions
+    assert "licenses forge-licenses 1.0" in " ".join(extensions.split())
 
 
 def write_reporter(root: Path, code: str) -> None:
@@ -348,7 +348,7 @@ def test_a_third_party_reporter_is_an_event_handler(tree: Tree) -> None:
     assert ran.stdout.endswith("slowest: shapes\n")
     ran = run_forge(root / "ws", "build", "--force", "--event-handlers", "slowest-", path=root)
     assert (ran.returncode, "slowest: " in ran.stdout) == (0, False)
-    assert "  slowest   slowest 1\n" in run_forge(root, "extensions", path=root).stdout
+    assert "slowest slowest 1" in " ".join(run_forge(root, "extensions", path=root).stdout.split())
 
 
 LAZY = """from forge.output.reporters import Reporter
