@@ -133,10 +133,13 @@ class ObservedCommands:
         again = (each.written for name, each in before.edges.items() if name in after.edges)
         removed = {path for path in nothing.union(*again) - written if not os.path.lexists(path.rstrip("/"))}
         added = written.difference(*(each.written for each in before.all))
-        if added or removed:
-            for name in self.edges.keys() - after.edges.keys():
-                if self.affected(self.edges[name], added, removed, ()):
-                    yield name
+        folders = {os.path.dirname(path.rstrip("/")) for path in added | removed}
+        # Only what the earlier commands looked for: those that ran looked for their own outputs, too.
+        sought = {os.path.dirname(path) for path in added & before.missing}
+        for name in self.edges.keys() - after.edges.keys():
+            each = self.edges[name]
+            if not (folders.isdisjoint(each.listed) and sought.isdisjoint(each.searched | each.listed)):
+                yield name
 
 
 NOT_OBSERVED = ObservedCommands()
