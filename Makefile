@@ -15,7 +15,7 @@ help:
 	@echo "make coverage  run all of them and measure which lines they run"
 	@echo "make bare    run both as on a fresh machine with only Python, make and g++"
 	@echo "make quick   run the unit tests and those of the plugins in three minutes"
-	@echo "make without-plugins  run 'make quick' and a build without all plugins, then without twelve groups of them, two minutes each; ONLY=lsp without that one"
+	@echo "make without-plugins  run 'make quick' and a build without all plugins, then without twelve groups of them; ONLY=lsp without that one"
 	@echo "make newest-cmake, make oldest-cmake"
 	@echo "             run the tests of CMake code with the newest CMake, or with 3.18 by Ninja and by make"
 	@echo "make cross   build examples_ws for aarch64 with zig and run it under qemu: some minutes the first time"
